@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The bridge node of the real robot, and its conversions to ROS messages."""
+"""The bridge node of a real robot, and the conversion of its odometry to ROS messages."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ def odometry(source: Any, now: Time, frame_prefix: str) -> Odometry:
     """
     Convert the robot's odometry to a ROS message.
 
-    :param source: a RosOdometry of the robot
-    :param now: the time stamp to use if the robot sets none
-    :param frame_prefix: a prefix for the frame names, without a separator
+    :param source: the robot's odometry, a RosOdometry message of the SDK
+    :param now: the time stamp to use if the robot's odometry has no time stamp
+    :param frame_prefix: the prefix of the frame names; no separator is added
     """
     message = Odometry()
     nanoseconds = source.header.stamp_nsec
@@ -81,15 +81,17 @@ class GrpcBridge(BridgeNode):
     """
     The bridge node of a real robot, driven over gRPC.
 
-    Velocities have their own executor and thread.  The rest of the node, for example the service,
-    has another executor.  Odometry and diagnostics are published by the threads that poll them.
+    One executor, which has its own thread, receives the velocities.  A second executor serves the
+    rest of the node, for example the service.  Odometry and diagnostics are published by the
+    threads that poll the robot.
 
     :param robot: the connected robot
     :param namespace: the namespace of the topics and the service
-    :param frame_prefix: a prefix for the frame names, without a separator
+    :param frame_prefix: the prefix of the frame names; no separator is added
     :param give_up: called with the reason when a motion is aborted
-    :param on_conflict: called if another bridge with the same names is discovered
-    :raises RobotTakenError: if another bridge already uses the same names
+    :param on_conflict: called if another bridge with the same topic names is discovered later,
+        with a description of that bridge
+    :raises RobotTakenError: if another bridge already uses the same topic names
     """
 
     def __init__(
@@ -114,17 +116,21 @@ class GrpcBridge(BridgeNode):
             poller.start()
 
     def executors(self) -> list[ExecutorLoop]:
-        """Return the executors of the node, each to run in its own thread."""
+        """Return the executors of the node; the caller runs each of them in its own thread."""
         return [
             SubscriptionExecutor(self, self._subscription, self.on_velocity), *super().executors()]
 
     @property
     def summary(self) -> str:
-        """Return the robot, its address and the bridge's names as text, in one line."""
+        """Return the robot, its address, the topics and the service as text, in one line."""
         return f'{self._robot.identity} at {self._robot.address}: {super().summary}'
 
     def drive(self, velocity: Velocity, now: float) -> None:
-        """Send a velocity without waiting for the robot; refuse a velocity that is not finite."""
+        """
+        Queue a velocity for the robot, and return at once.
+
+        A velocity that is infinite or NaN is not sent, but a warning is logged.
+        """
         try:
             command = velocity_command(velocity, KACHAKA.limits, now)
         except ValueError as error:
@@ -133,12 +139,17 @@ class GrpcBridge(BridgeNode):
         self._driver.drive(command)
 
     def set_manual_control(self, enabled: bool) -> str:
-        """Switch manual control on or off; return the reason for a refusal, or empty text."""
+        """
+        Switch manual control on or off.
+
+        :param enabled: whether to switch manual control on
+        :returns: the reason if the call fails, else an empty text
+        """
         result = self._driver.set_manual_control(enabled)
         return '' if result.is_success else self._driver.describe(result) or 'no reason given'
 
     def close(self) -> None:
-        """Stop the robot, release manual control and end all threads, in limited time."""
+        """Stop the robot, switch off manual control and end all threads, within a limited time."""
         for poller in self._pollers:
             poller.stop()
         # Close the driver first; this also cancels the calls of the other threads.
@@ -159,7 +170,7 @@ class GrpcBridge(BridgeNode):
             self._driver.on_result)
 
     def _publish_diagnostics(self) -> None:
-        # The namespace in the name distinguishes several robots.
+        # Each status name starts with the namespace, which distinguishes several robots.
         driver, robot = self._driver, self.get_namespace().strip('/')
         self._diagnostics.publish(conversions.diagnostics(
             {f'{robot}: link': connection_status(
@@ -170,7 +181,7 @@ class GrpcBridge(BridgeNode):
             self.get_clock().now().to_msg(), self._robot.identity))
 
     def _log(self, level: Level, text: str) -> None:
-        # One call for each level: rclpy refuses different levels from the same line of code.
+        # One call for each level, because rclpy refuses different levels from one line of code.
         if level is Level.OK:
             self.get_logger().info(text)
         elif level is Level.WARN:

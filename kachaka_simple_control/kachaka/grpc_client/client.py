@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The gRPC calls to the robot, and ``connect()``; only this module imports the robot's SDK."""
+"""
+The gRPC calls to a real robot, and ``connect()``.
+
+In this folder, only this module imports the robot's SDK.
+"""
 
 from __future__ import annotations
 
@@ -28,9 +32,10 @@ from kachaka_simple_control.kachaka.program import Address
 from kachaka_simple_control.kachaka.robot_status import ErrorTexts, RpcFailure, RpcResult
 from kachaka_simple_control.text import escaped
 
-#: See docs/GENERAL.md in pf-robotics/kachaka-api.
+#: Advice for the user, from docs/GENERAL.md in pf-robotics/kachaka-api.
 SWITCH_ON = 'switch the Kachaka API on in the phone app (Settings, the robot, Kachaka API)'
-#: The longest time for a robot to accept a connection, and to respond to each of three calls [s].
+#: The longest time for a robot to accept a connection, and to respond to each of the three calls
+#: of ``connect()`` [s].
 CONNECT_TIMEOUT = 3.0
 IDENTIFY_TIMEOUT = 2.0
 CHANNEL_OPTIONS = (
@@ -38,9 +43,9 @@ CHANNEL_OPTIONS = (
     ('grpc.enable_retries', 0),
     # Do not use a proxy: the robot is in the local network.
     ('grpc.enable_http_proxy', 0),
-    # The period is so long that no keep-alive is sent.  But keep-alive must be on: then the
-    # operating system closes a connection if data is not acknowledged within the timeout [ms], and
-    # drops the velocities that wait to be sent.
+    # The period is so long that no keep-alive is sent.  But keep-alive must be on, because only
+    # then the operating system closes a connection if data is not acknowledged within the timeout
+    # [ms].  This drops the velocities that wait to be sent.
     ('grpc.keepalive_time_ms', 3_600_000),
     ('grpc.keepalive_timeout_ms', 500),
     ('grpc.initial_reconnect_backoff_ms', 100),
@@ -56,11 +61,12 @@ FAILURES = {
 
 class RobotClient:
     """
-    One gRPC connection to a robot; thread-safe.
+    One gRPC connection to a robot.
 
-    Each ``deadline`` is the longest time for the robot to respond [s].
+    The class is thread-safe.  The ``deadline`` of each method is the longest time for the robot to
+    respond [s].
 
-    :param address: the address of the robot; the first call connects
+    :param address: the address of the robot; the connection is opened by the first call
     """
 
     def __init__(self, address: Address) -> None:
@@ -75,15 +81,16 @@ class RobotClient:
         """
         Send a velocity to the robot.
 
-        :param linear: the forward velocity as a fraction of the largest, -1 to 1
-        :param angular: the turning velocity as a fraction of the largest, -1 to 1
+        :param linear: the forward velocity as a fraction of the largest one, -1 to 1
+        :param angular: the turning velocity as a fraction of the largest one, -1 to 1,
+            counter-clockwise positive
         :param deadline: the longest time for the robot to respond [s]
         """
         request = pb2.SetRobotVelocityRequest(linear=linear, angular=angular)
         return _call(self._stub.SetRobotVelocity, request, deadline)[0]
 
     def set_manual_control(self, enabled: bool, deadline: float) -> RpcResult:
-        """Switch manual control on or off."""
+        """Switch manual control on or off, and return the result of the call."""
         request = pb2.SetManualControlEnabledRequest(enable=enabled)
         return _call(self._stub.SetManualControlEnabled, request, deadline)[0]
 
@@ -93,12 +100,17 @@ class RobotClient:
         return result, [] if response is None else list(response.error_codes)
 
     def error_texts(self, deadline: float) -> tuple[RpcResult, str]:
-        """Return the result of the call, and the robot's error texts (normally JSON)."""
+        """Return the result of the call, and the robot's error texts, which are normally JSON."""
         result, response = _call(self._stub.GetRobotErrorCodeJson, pb2.EmptyRequest(), deadline)
         return result, '' if response is None else str(response.json)
 
     def identity(self, deadline: float) -> tuple[RpcResult, str]:
-        """Return the result, and the serial number with the software release, by two calls."""
+        """
+        Return a result, and a text with the robot's serial number and software release.
+
+        This makes two calls.  If one of them fails, the result is that of the failed call, and the
+        text is empty.
+        """
         result, serial = _call(self._stub.GetRobotSerialNumber, pb2.GetRequest(), deadline)
         if serial is None:
             return result, ''
@@ -110,16 +122,18 @@ class RobotClient:
 
     def odometry(self, cursor: int, deadline: float) -> tuple[RpcResult, Any]:
         """
-        Return the first odometry that is newer than a cursor.
+        Wait for odometry that is newer than a cursor, and return it.
 
-        :param cursor: the cursor of the last response; 0 for any odometry
+        A cursor is a number in each response, which identifies the odometry of this response.
+
+        :param cursor: the cursor of the last response; 0 to get the newest odometry at once
         :param deadline: the longest time to wait [s]
-        :returns: the result, and a GetRosOdometryResponse or None
+        :returns: the result, and a GetRosOdometryResponse, or None if the call failed
         """
         return _call(self._stub.GetRosOdometry, _newer_than(cursor), deadline)
 
     def wheel_odometry(self, cursor: int, deadline: float) -> tuple[RpcResult, Any]:
-        """Return the first wheel odometry newer than a cursor; see ``odometry()``."""
+        """Wait for wheel odometry that is newer than a cursor, like ``odometry()``."""
         return _call(self._stub.GetRosWheelOdometry, _newer_than(cursor), deadline)
 
 
@@ -128,7 +142,7 @@ def _newer_than(cursor: int) -> pb2.GetRequest:
 
 
 def _call(method: Callable[..., Any], request: Any, deadline: float) -> tuple[RpcResult, Any]:
-    """Make a gRPC call; return its result, and the response or None."""
+    """Make a gRPC call, and return its result and the response, or None if the call failed."""
     try:
         response = method(request, timeout=deadline)
     except grpc.RpcError as error:
@@ -174,7 +188,7 @@ def connect(address: Address) -> ConnectedRobot:
     Connect to a robot and identify it.
 
     :param address: the address of the robot
-    :raises RobotNotFoundError: if no robot responds; the message has advice for the user
+    :raises RobotNotFoundError: if no robot responds; the error message has advice for the user
     """
     _check_reachable(address, CONNECT_TIMEOUT)
     client = RobotClient(address)
@@ -188,7 +202,7 @@ def connect(address: Address) -> ConnectedRobot:
 
 def _check_reachable(address: Address, timeout: float) -> None:
     """
-    Open a TCP connection to an address and close it.
+    Check that a TCP connection to an address can be opened, and close it again.
 
     :param address: the address
     :param timeout: the longest time to try [s]

@@ -38,9 +38,9 @@ from kachaka_simple_control.motion.limits import Limits
 @dataclass(frozen=True)
 class VelocityCommand:
     """
-    A velocity command, relative to the robot's limits.
+    A velocity command, as fractions of the robot's largest velocities.
 
-    :param linear: forward velocity, -1 to 1
+    :param linear: forward velocity, -1 to 1, negative backwards
     :param angular: turning velocity, -1 to 1, counter-clockwise positive
     :param time: the time at which the command was received [s, steady clock]
     """
@@ -60,9 +60,9 @@ def velocity_command(velocity: Velocity, limits: Limits, now: float) -> Velocity
     Return a velocity as a command, clipped to the limits.
 
     :param velocity: the velocity
-    :param limits: the largest velocities of the robot
-    :param now: the time [s, steady clock]
-    :raises ValueError: if the velocity is not finite; the message has one line
+    :param limits: the limits of the robot
+    :param now: the time at which the velocity was received [s, steady clock]
+    :raises ValueError: if the velocity is not finite; the error message has one line
     """
     if not (math.isfinite(velocity.linear_x) and math.isfinite(velocity.angular_z)):
         raise ValueError(
@@ -75,9 +75,10 @@ def velocity_command(velocity: Velocity, limits: Limits, now: float) -> Velocity
 
 class StreamTimeout:
     """
-    A timeout that detects the end of a stream of velocities.
+    A timeout that detects when a publisher no longer sends velocities.
 
-    It applies after at least two velocities, if the longest period between them is short enough.
+    It applies only after two or more velocities, and only if none of the gaps between them was
+    longer than ``MAX_STREAM_PERIOD``.
     """
 
     def __init__(self) -> None:
@@ -88,7 +89,7 @@ class StreamTimeout:
         """
         Update the timeout with a command.
 
-        :param is_stop: whether the command is a stop; a stop ends the motion
+        :param is_stop: whether the command is a stop, which resets the timeout
         :param now: the time [s, steady clock]
         """
         if is_stop:
@@ -100,13 +101,13 @@ class StreamTimeout:
 
     @property
     def end(self) -> float | None:
-        """Return the time at which the timeout expires without a new command [s], or None."""
+        """Return the time at which the timeout expires [s], or None if it does not apply."""
         if self._last is None or self._longest is None or self._longest > MAX_STREAM_PERIOD:
             return None
         return self._last + STREAM_TIMEOUT
 
     def has_expired(self, now: float) -> bool:
-        """Return whether the stream has ended; true once, then false until the next motion."""
+        """Return whether the timeout has expired, and reset it if it has."""
         if self.end is None or now < self.end:
             return False
         self._last = self._longest = None
@@ -115,13 +116,13 @@ class StreamTimeout:
 
 class LatestCommand:
     """
-    Holds the newest motion command until the robot is free, or a pending stop.
+    Stores the newest motion command until it can be sent, and whether a stop is pending.
 
-    A newer command replaces an older one, so commands do not queue up if the robot is slow.  A
-    stop replaces any motion and stays pending until it is taken.
+    A newer motion replaces an older one, so motions do not queue up if the robot is slow.  A stop
+    removes the stored motion, and is pending until ``take_stop()``.  A motion that comes while a
+    stop is pending is stored, and can be sent after the stop.
 
-    :param max_age: the largest age of a motion command when it is taken [s]; older ones are
-        dropped
+    :param max_age: the largest age of a motion that may still be sent [s]; older ones are dropped
     """
 
     def __init__(self, max_age: float) -> None:
@@ -130,11 +131,11 @@ class LatestCommand:
         self._motion: VelocityCommand | None = None
         #: whether a stop must be sent before any motion
         self.stop_pending = False
-        #: the number of motions that were replaced, dropped for a stop, or too old
+        #: the number of motions that were dropped: replaced, removed by a stop, or too old
         self.dropped = 0
 
     def put(self, command: VelocityCommand) -> None:
-        """Hold a new command instead of the old one."""
+        """Store a new command instead of the old one."""
         if command.is_stop:
             self.request_stop()
             return
@@ -142,33 +143,33 @@ class LatestCommand:
         self._newest = self._motion = command
 
     def requeue(self, command: VelocityCommand) -> None:
-        """Hold a refused motion again, if there is no newer command."""
+        """Store a refused motion again, unless a newer command has come."""
         if command is self._newest:
             self._motion = command
 
     def request_stop(self) -> None:
-        """Drop the motion, if there is one, and hold a stop."""
+        """Drop the stored motion, if there is one, and make a stop pending."""
         self.clear()
         self.stop_pending = True
 
     def clear(self) -> None:
-        """Drop the motion; ``requeue()`` cannot restore it."""
+        """Drop the stored motion, so that ``requeue()`` cannot restore it."""
         self.dropped += self._motion is not None
         self._newest = self._motion = None
 
     def take_stop(self) -> bool:
-        """Remove the pending stop; return whether there was one."""
+        """Return whether a stop is pending, and remove the pending stop."""
         was_pending, self.stop_pending = self.stop_pending, False
         return was_pending
 
     def has_motion(self, now: float) -> bool:
-        """Return whether a motion may be sent now; drop a motion that is too old."""
+        """Drop the stored motion if it is too old, and return whether a motion may be sent now."""
         if self._motion is not None and now - self._motion.time > self._max_age:
             self.clear()
         return self._motion is not None and not self.stop_pending
 
     def take_motion(self, now: float) -> VelocityCommand | None:
-        """Remove and return the motion that may be sent now; None if there is none."""
+        """Remove and return the motion that may be sent now, or return None."""
         if not self.has_motion(now):
             return None
         motion, self._motion = self._motion, None
@@ -176,11 +177,11 @@ class LatestCommand:
 
 
 class RpcKind(Enum):
-    """The kind of a gRPC call."""
+    """The kind of a gRPC call: a motion, a stop, or a call that enables manual control."""
 
     MOTION = 'motion'
     STOP = 'stop'
-    #: enable manual control, after a motion was refused without it
+    #: enable manual control, because the robot refused a motion without it
     ENABLE = 'enable'
 
 
@@ -201,12 +202,16 @@ class RpcRequest:
 
 class CommandArbiter:
     """
-    Converts incoming commands to gRPC calls, one motion at a time.
+    Converts received commands to gRPC calls, with one motion call at a time.
 
     A motion is sent when no other call is in progress.  A stop is sent at once, even if a motion
     call is in progress.  The stop is then sent again after the motion call, because the robot may
-    have received the two in the other order.  After a fault (connection lost, refusal, robot too
-    slow) motions are blocked until the publisher sends a zero, or no command for a while.
+    have received the motion after the first stop.
+
+    A fault is a lost connection, a refused call, three late responses in a row, or a suspension of
+    the process.  After a fault, motions are blocked until the publisher sends a zero velocity, or
+    nothing for 1 s.  A motion that is refused because manual control is off is not a fault:
+    manual control is enabled, and the motion is sent again.
 
     :param command_timeout: how long the robot keeps a velocity without a new one [s]
     """
@@ -221,25 +226,29 @@ class CommandArbiter:
         self._is_connected = False
         self._timeouts = 0
         self._last_command = -math.inf
-        #: whether motions are blocked until the publisher sends a zero or pauses
+        #: whether motions are blocked after a fault
         self.is_blocked = False
         #: whether a motion was sent and no stop has been confirmed since then
         self.may_move = False
-        #: whether manual control was switched on for a motion
+        #: whether this object has switched manual control on, to send a motion
         self.has_enabled = False
 
     @property
     def dropped(self) -> int:
-        """Return the number of motions never sent: replaced by newer ones, or too old."""
+        """Return the number of motions that were replaced, removed by a stop, or too old."""
         return self._latest.dropped
 
     @property
     def next_check(self) -> float | None:
-        """Return the time to call ``next_request()`` again without an event [s], or None."""
+        """
+        Return the time at which to call ``next_request()`` again [s, steady clock], or None.
+
+        Call it at this time even if no command or response was received before.
+        """
         return self._stream.end
 
     def on_command(self, command: VelocityCommand) -> None:
-        """Update the state with the newest command."""
+        """Update the state with a command that was received."""
         is_rest = command.is_stop or command.time - self._last_command > REARM_IDLE_TIME
         self._last_command = command.time
         if self._is_connected and is_rest:
@@ -250,9 +259,10 @@ class CommandArbiter:
 
     def next_request(self, now: float) -> RpcRequest | None:
         """
-        Return the next call to make, or None; repeat until it returns None.
+        Return the next gRPC call to make now, or None if there is none.
 
-        The returned call counts as in progress until ``on_response()``.
+        Call this method again until it returns None.  A returned gRPC call counts as in progress
+        until ``on_response()`` receives its result.
 
         :param now: the time [s, steady clock]
         """
@@ -269,7 +279,7 @@ class CommandArbiter:
         """
         Update the state with the result of a call.
 
-        :param request: the call
+        :param request: the gRPC call that has ended
         :param result: the result of the call
         :param now: the time [s, steady clock]
         """
@@ -282,22 +292,30 @@ class CommandArbiter:
             self._on_motion_response(request, result, now)
 
     def on_connected(self) -> None:
-        """Allow calls, because the robot responds."""
+        """Allow gRPC calls from now on, because the robot responds."""
         self._is_connected = True
 
     def on_connection_lost(self) -> None:
-        """Make no calls until ``on_connected()``; then stop the robot if it may be moving."""
+        """
+        Allow no gRPC calls until ``on_connected()``, and block motions.
+
+        If the robot may be moving, the first call after that is a stop.
+        """
         self._is_connected = False
         self.block_motion()
 
     def block_motion(self) -> None:
-        """Block motions until the publisher sends a zero or pauses; stop a moving robot."""
+        """
+        Drop all motions, and stop the robot if it may be moving.
+
+        New motions are blocked until the publisher sends a zero velocity, or nothing for 1 s.
+        """
         self.is_blocked = True
         self.cancel_motion()
 
     def on_stall(self, now: float) -> None:
         """
-        Block motions after this process was suspended, because queued commands may be old.
+        Block motions after the process was suspended, because queued commands may be old.
 
         :param now: the time [s, steady clock]
         """
@@ -305,7 +323,7 @@ class CommandArbiter:
         self.block_motion()
 
     def cancel_motion(self) -> None:
-        """Drop all motions received so far; stop the robot if it may be moving."""
+        """Drop all motions received so far, and stop the robot if it may be moving."""
         self._must_enable = False
         self._stream = StreamTimeout()
         self._latest.clear()

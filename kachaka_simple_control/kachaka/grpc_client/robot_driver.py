@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The threads around a real robot: they drive it over gRPC, poll its state, and log."""
+"""Threads that drive a real robot over gRPC, poll its odometry and errors, and log texts."""
 
 from __future__ import annotations
 
@@ -43,25 +43,27 @@ from kachaka_simple_control.text import escaped
 if TYPE_CHECKING:
     from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
 
-#: The number of worker threads: one for a motion call, one for a stop at the same time.
+#: The number of worker threads: while one makes a motion call, the other can send a stop.
 WORKERS = 2
-#: The longest time to switch manual control for a client of the service [s].
+#: The longest time for the robot to respond when a client of the ROS service switches manual
+#: control [s].
 MANUAL_CONTROL_DEADLINE = 3.0
-#: The period at which an idle worker checks for work [s].
+#: The period at which an idle worker thread checks for work [s].
 WORKER_PERIOD = 0.1
 GOES_ON = 'moves again after a zero, or after 1 s without velocities'
 
 
 class RobotDriver:
     """
-    Drives a robot: worker threads make the calls that a ``CommandArbiter`` selects; thread-safe.
+    Drives a robot with worker threads, which make the calls that a ``CommandArbiter`` selects.
 
-    No velocity is sent before ``on_result()`` has received a response of the robot.
+    The class is thread-safe.  No velocity is sent before the robot has responded to another call,
+    because only then the connection is known to work.
 
     :param client: the client for calls to the robot
     :param command_timeout: how long the robot keeps a velocity without a new one [s]
     :param texts: the error texts of the robot
-    :param log: called with texts for the user; must not block
+    :param log: called with a level and a text for the user; must not block
     :param on_abort: called with the reason when a motion is aborted; must not block
     """
 
@@ -82,24 +84,24 @@ class RobotDriver:
             for number in range(WORKERS)]
         self.connection = ConnectionState()
         self.texts = texts
-        #: the duration of the last velocity call [s]
+        #: the duration of the last velocity call [s]; NaN before the first one
         self.round_trip = math.nan
         for worker in self._workers:
             worker.start()
 
     @property
     def dropped(self) -> int:
-        """Return the number of motions never sent: replaced by newer ones, or too old."""
+        """Return the number of motions that were replaced, removed by a stop, or too old."""
         return self._arbiter.dropped
 
     def drive(self, command: VelocityCommand) -> None:
-        """Queue a command to send as soon as the robot is free; do not wait."""
+        """Queue a command, which is sent as soon as the robot is free, and return at once."""
         with self._changed:
             self._arbiter.on_command(command)
             self._changed.notify()
 
     def set_manual_control(self, enabled: bool) -> RpcResult:
-        """Switch manual control on or off; return the robot's response."""
+        """Switch manual control on or off, and return the result of the call."""
         if not enabled:
             # Earlier commands must not switch manual control on again.
             with self._changed:
@@ -115,7 +117,7 @@ class RobotDriver:
 
     def on_result(self, result: RpcResult, begun: float) -> None:
         """
-        Update the connection state with a call made by another thread.
+        Update the connection state with the result of a call that another thread has made.
 
         :param result: the result of the call
         :param begun: the start time of the call [s, steady clock]
@@ -124,11 +126,15 @@ class RobotDriver:
             self._update_connection(result, begun)
 
     def describe(self, result: RpcResult) -> str:
-        """Return why a call failed, as text: the robot's error, or why there is no response."""
+        """Return why a call failed, as text: the robot's error, or why the robot gave no code."""
         return result.text if result.code is None else self.texts.describe(result.code)
 
     def close(self) -> None:
-        """Stop the robot, switch off manual control if enabled here, and disconnect within 2 s."""
+        """
+        Stop the robot and disconnect, within 2 s.
+
+        If this object has switched manual control on, switch it off.
+        """
         with self._changed:
             self._is_over = True
             self._changed.notify_all()
@@ -155,7 +161,7 @@ class RobotDriver:
                 self._wait(now)
 
     def _wait(self, now: float) -> None:
-        """Wait for work; detect whether this process was suspended during the wait."""
+        """Wait for work, and detect whether the process was suspended during the wait."""
         next_check = self._arbiter.next_check
         timeout = (WORKER_PERIOD if next_check is None
                    else max(0.0, min(next_check - now, WORKER_PERIOD)))
@@ -163,7 +169,12 @@ class RobotDriver:
         self._detect_stall(now, timeout)
 
     def _detect_stall(self, begun: float, allowed: float) -> None:
-        """Block motions if too much time has passed: then this process was suspended."""
+        """
+        Block motions if so much time has passed that the process must have been suspended.
+
+        :param begun: the time at which a wait or a call began [s, steady clock]
+        :param allowed: the longest duration of the wait or the call [s]
+        """
         now = time.monotonic()
         if now - begun > allowed + self._command_timeout and not self._is_over:
             if self._arbiter.may_move:
@@ -176,7 +187,7 @@ class RobotDriver:
         begun = time.monotonic()
         try:
             result = self._perform(request)
-        except Exception as error:  # any: the worker must survive to send the next stop
+        except Exception as error:  # the thread must not end: it sends the next stop
             text = escaped(f'{type(error).__name__}: {error}')
             result = RpcResult(failure=RpcFailure.FAILED, text=text)
         finally:
@@ -202,7 +213,7 @@ class RobotDriver:
 
     def _update_connection(self, result: RpcResult, begun: float) -> None:
         if self._is_over:
-            return  # calls cancelled by close() give no information about the connection
+            return  # calls that close() cancels give no information about the connection
         event = self.connection.on_result(result, begun, time.monotonic())
         if event is ConnectionEvent.LOST:
             moved = self._arbiter.may_move
@@ -227,7 +238,7 @@ class RobotDriver:
         self._on_abort(reason)
 
     def _set_control(self, enabled: bool) -> None:
-        # Log changes only: clients repeat their request to renew it.
+        # Log only changes, because clients repeat their request to renew manual control.
         now = time.monotonic()
         if enabled != (self._has_control and now < self._control_until):
             self._log(Level.OK, f"manual control {'enabled' if enabled else 'disabled'}")
@@ -235,17 +246,19 @@ class RobotDriver:
         self._control_until = now + KACHAKA.manual_control_timeout
 
 
-#: A repeated text is logged again only after a gap of this time [s].
+#: A repeated text is logged again only if it did not come for this time [s].
 LOG_REPEAT_PERIOD = 1.0
-#: The longest time that ``close()`` waits for the queue [s].
+#: The longest time that ``close()`` waits until the queued texts are logged [s].
 LOG_EXIT_TIMEOUT = 0.5
 
 
 class LogThread(threading.Thread):
     """
-    A thread that logs texts, so that the caller never waits; it drops repeated texts.
+    A thread that logs texts, so that the threads that call ``log()`` never wait.
 
-    :param emit: logs a text; may block
+    A text is dropped if the same text came less than 1 s before.
+
+    :param emit: a function that logs a text with its level; it may block
     """
 
     def __init__(self, emit: Callable[[Level, str], None]) -> None:
@@ -256,7 +269,7 @@ class LogThread(threading.Thread):
         self.start()
 
     def log(self, level: Level, text: str) -> None:
-        """Queue a text for the log, unless the same text is recent."""
+        """Queue a text for the log, unless the same text came less than 1 s before."""
         now = time.monotonic()
         # Texts contain numbers, so there may be many different ones: keep only recent ones.
         self._last_times = {
@@ -266,12 +279,12 @@ class LogThread(threading.Thread):
         self._last_times[text] = now
 
     def close(self) -> None:
-        """Log the queued texts, and end the thread."""
+        """Log the queued texts and end the thread, but wait at most 0.5 s for this."""
         self._queue.put(None)
         self.join(LOG_EXIT_TIMEOUT)
 
     def run(self) -> None:
-        """Log the texts of the queue until ``close()``."""
+        """Log the queued texts until ``close()`` is called."""
         while (entry := self._queue.get()) is not None:
             self._emit(*entry)
 
@@ -288,22 +301,27 @@ class Poller(threading.Thread):
         self.is_over = threading.Event()
 
     def poll(self) -> float:
-        """Poll once; return the time to wait until the next poll [s]."""
+        """Poll once, and return the time to wait until the next poll [s]."""
         raise NotImplementedError
 
     def run(self) -> None:
-        """Poll until ``stop()``."""
+        """Poll until ``stop()`` is called."""
         while not self.is_over.is_set():
             self.is_over.wait(self.poll())
 
     def stop(self) -> None:
-        """Make the thread end after the current call; a closed client makes this fast."""
+        """
+        Make the thread end after its current call to the robot.
+
+        To end the call at once, close the client.
+        """
         self.is_over.set()
 
 
-#: The longest time to wait for newer odometry [s], also at the end of the thread.
+#: The longest time for the robot to send newer odometry, and for the thread to end [s].
 ODOMETRY_DEADLINE = 1.0
-#: The shortest period of odometry [s], even if a robot ignores cursors.
+#: The shortest time between two calls for odometry [s].  It limits their rate if a robot ignores
+#: cursors.
 MIN_ODOMETRY_PERIOD = 0.01
 #: The period of checks while odometry has no subscriber, or the robot does not respond [s].
 IDLE_PERIOD = 0.1
@@ -316,11 +334,12 @@ class OdometryPoller(Poller):
     Fetches and publishes odometry in a thread, started by ``start()``.
 
     :param name: the name of the thread
-    :param fetch: returns odometry newer than a cursor, within a deadline [s]
+    :param fetch: gets odometry that is newer than a cursor; called with the cursor and the longest
+        time to wait [s]
     :param is_wanted: returns whether odometry has a subscriber
     :param publish: called with each new odometry
-    :param on_result: called with the result and the start time of each call, except a call that
-        times out, because this gives no information about the connection
+    :param on_result: called with the result and the start time of each call; not called after a
+        timeout, because a timeout gives no information about the connection
     """
 
     def __init__(
@@ -334,7 +353,11 @@ class OdometryPoller(Poller):
         self._cursor = 0
 
     def poll(self) -> float:
-        """Fetch and publish once if there is a subscriber; return the time to wait [s]."""
+        """
+        Fetch and publish odometry once, if odometry has a subscriber.
+
+        :returns: the time to wait until the next poll [s]
+        """
         if not self._is_wanted():
             self._cursor = 0
             return IDLE_PERIOD
@@ -354,7 +377,8 @@ class OdometryPoller(Poller):
         return max(0.0, begun + MIN_ODOMETRY_PERIOD - time.monotonic())
 
 
-#: The period of the error polls [s], while the robot responds and while the connection is lost.
+#: The period of the polls for errors [s]: while the robot responds, and while the connection is
+#: lost.
 HEALTH_PERIOD = 1.0
 HEALTH_PERIOD_WHEN_LOST = 0.3
 #: The longest time for the robot to respond, and for the thread to end [s].
@@ -370,7 +394,7 @@ class HealthPoller(Poller):
 
     :param client: the client for calls to the robot
     :param robot: the driver that receives the results of the calls
-    :param log: called with texts for the user
+    :param log: called with a level and a text for the user
     :param on_poll: called after each poll
     """
 
@@ -382,11 +406,15 @@ class HealthPoller(Poller):
         self._robot = robot
         self._log = log
         self._on_poll = on_poll
-        #: the errors that the robot reports
+        #: the codes of the errors that the robot reports
         self.codes: list[int] = []
 
     def poll(self) -> float:
-        """Poll the robot's errors once, and log changes; return the time to wait [s]."""
+        """
+        Poll the robot's errors once, and log changes.
+
+        :returns: the time to wait until the next poll [s]
+        """
         begun = time.monotonic()
         result, codes = self._client.errors(HEALTH_DEADLINE)
         self._robot.on_result(result, begun)
@@ -397,7 +425,11 @@ class HealthPoller(Poller):
         return HEALTH_PERIOD if self._robot.connection.is_up else HEALTH_PERIOD_WHEN_LOST
 
     def _fetch_texts(self, codes: list[int]) -> None:
-        """Fetch the error texts if a new code has no text: a starting robot may have none yet."""
+        """
+        Fetch the error texts again if a new error code has no text.
+
+        When the robot starts, it may not have its error texts yet.
+        """
         new = set(codes) - set(self.codes)
         if any(not self._robot.texts.find(code).title for code in new):
             result, text = self._client.error_texts(HEALTH_DEADLINE)
