@@ -12,15 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The simulated robot, with a gRPC server or in memory, without ROS.
+The simulated robot, with a gRPC server or as a Python object, without ROS.
 
-To run it in its own process; the first line on standard output has the address::
+To run the robot in its own process, use one of these commands.  The first line on standard output
+has the address::
 
     kachaka_sim --grpc-port 0
     python -m kachaka_simple_control.kachaka.sim_command --grpc-port 0
     ready: simulated Kachaka at 127.0.0.1:40153
 
-To run it in a thread of this process::
+To run the robot in a thread of your own program::
 
     from kachaka_simple_control.kachaka.simulator.grpc_server import serving
     from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
@@ -30,9 +31,11 @@ To run it in a thread of this process::
         ...
         pose, velocity = server.call(lambda robot, now: robot.state(now))
 
-``serving`` takes ``port`` (0: any free port), ``host`` and ``clock``.  A program that already runs
-``grpc.aio`` in a thread should use the separate process, or ``GrpcServer`` in its own event loop:
-two event loops with ``grpc.aio`` in one process disturb each other.
+``serving`` also has the parameters ``port`` (0: any free port), ``host`` and ``clock``.
 
-This package can be imported without grpc and kachaka_api; its modules ``grpc_*`` need both.
+If your program already runs ``grpc.aio`` in an event loop, run the robot in its own process, or
+run ``GrpcServer`` in that event loop.  Two event loops with ``grpc.aio`` in one process disturb
+each other.
+
+This package can be imported without grpc and kachaka_api.  Its modules ``grpc_*`` need both.
 """

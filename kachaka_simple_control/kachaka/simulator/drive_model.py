@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Drive and odometry of the simulated robot."""
+"""The models of the drive and the odometry of the simulated robot."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ from kachaka_simple_control.files.robot_profile import KACHAKA_TRACK
 from kachaka_simple_control.motion.calibration import OdometryCalibration
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Velocity, ZERO
 
-#: A rule for a figure of a simulated robot: the text for errors, and the check.
+#: A rule for a simulation parameter: the text for error messages, and a function that returns
+#: whether a value follows the rule.
 Rule = tuple[str, Callable[[float], bool]]
 FINITE: Rule = 'a finite number', math.isfinite
 ABOVE_0: Rule = 'above 0', lambda value: value > 0.0
@@ -37,12 +38,12 @@ FINITE_FROM_0: Rule = 'a finite number, 0 or more', lambda value: 0.0 <= value <
 
 def _figure(default: float, unit: str, text: str, rule: Rule = FINITE_FROM_0) -> Any:
     """
-    Return a field of ``SimulationParameters``, which is also an option of the commands.
+    Return a field of ``SimulationParameters``, which is also a command line option.
 
-    :param default: the value for an ideal robot
+    :param default: the default value
     :param unit: the unit, as the help of the option shows it; F for a factor
     :param text: the help of the option
-    :param rule: the rule for the value
+    :param rule: the rule that a value must follow
     """
     return field(default=default, metadata={'unit': unit, 'help': text, 'rule': rule})
 
@@ -60,24 +61,27 @@ class SimulationParameters:
     :param linear_acceleration: largest forward acceleration [m/s^2]
     :param angular_acceleration: largest turning acceleration [rad/s^2]
     :param linear_gain: forward velocity in odometry divided by the commanded velocity
-    :param backward_gain: gain backwards divided by gain forwards
+    :param backward_gain: gain of the linear velocity backwards divided by the gain forwards
     :param angular_gain: turning velocity in odometry divided by the commanded velocity
-    :param right_gain: gain to the right divided by gain to the left
+    :param right_gain: gain of the turning velocity to the right divided by the gain to the left
     :param veer: the unwanted turn to the left for each metre forwards, in odometry [rad/m]
-    :param odometry_scale: true distance divided by reported distance on a straight line
-    :param wheel_ratio: true diameter of the right wheel divided by the one of the left wheel;
+    :param odometry_scale: true distance divided by the distance in odometry on a straight line
+    :param wheel_ratio: true diameter of the right wheel divided by that of the left wheel;
         odometry assumes 1
-    :param track_ratio: true track divided by the track that odometry uses
-    :param velocity_noise: relative standard deviation of both velocities; drawn each millisecond
-        of motion
-    :param odometry_noise: standard deviation of x and of y in odometry [m]; drawn every 20 ms;
-        odometry does not drift
-    :param heading_noise: standard deviation of the heading in odometry [rad]; drawn every 20 ms
+    :param track_ratio: true track, the distance between the wheels, divided by the track that
+        odometry uses
+    :param velocity_noise: relative standard deviation of both velocities; the noise changes each
+        millisecond of motion
+    :param odometry_noise: standard deviation of x and of y in odometry [m]; the noise changes
+        every 20 ms and does not add up, so odometry does not drift
+    :param heading_noise: standard deviation of the heading in odometry [rad]; the noise changes
+        every 20 ms
     :param undock_distance: the distance that the robot drives straight off its dock [m]
     :param undock_velocity: the velocity of the undocking motion [m/s]
-    :raises ValueError: if a value is not finite (except an acceleration), is negative (except a
-        gain or the veer), or is 0 where the robot would never move; or if an odometry ratio is
-        out of the range of ``OdometryCalibration``
+    :raises ValueError: if a value is out of its range.  Only accelerations may be infinite.  Only
+        gains and the veer may be negative.  Accelerations and the undocking velocity must be
+        above 0.  The ranges of ``odometry_scale``, ``wheel_ratio`` and ``track_ratio`` are those
+        of ``OdometryCalibration``
     """
 
     dead_time: float = _figure(0.0, 'S', 'how long after a command the drive begins to follow it')
@@ -119,7 +123,7 @@ class SimulationParameters:
 
     @property
     def floor(self) -> OdometryCalibration | None:
-        """Return the difference between odometry and the true motion; None if there is none."""
+        """Return how odometry differs from the motion on the floor, or None if it does not."""
         ratios = self.odometry_scale, self.wheel_ratio, self.track_ratio
         return None if ratios == (1.0, 1.0, 1.0) else OdometryCalibration(
             *ratios, KACHAKA_TRACK)
@@ -141,9 +145,9 @@ ODOMETRY_PERIOD = 0.02
 ODOMETRY_FRAME = 'odom'
 ROBOT_FRAME = 'base_footprint'
 #: While the velocity changes, the path is a sequence of arcs of this duration [s].  The length of
-#: each arc is exact; its shape is approximate: a circular arc instead of a spiral.
+#: each arc is exact.  Its shape is approximate, a circular arc instead of a spiral.
 GRID_PERIOD = 0.001
-#: With a target of zero, a robot slower than this [m/s, rad/s] stands still.
+#: If the commanded velocity is zero, the model sets a velocity below this [m/s, rad/s] to zero.
 STANDSTILL = 1e-6
 
 
@@ -156,12 +160,12 @@ def first_order_response(
     With a = acceleration and T = lag: dv/dt = (target - v) / T, limited to [-a, a].  The velocity
     follows a ramp while |target - v| > a T, and then an exponential.
 
-    :param velocity: velocity at the start
-    :param target: commanded velocity, constant
+    :param velocity: velocity at the start [m/s or rad/s]
+    :param target: commanded velocity, constant [m/s or rad/s]
     :param duration: duration [s]
     :param lag: time constant [s], 0 for none
-    :param acceleration: largest acceleration, may be infinite
-    :returns: the velocity at the end, and the distance or angle covered
+    :param acceleration: largest acceleration [m/s^2 or rad/s^2], may be infinite
+    :returns: the velocity at the end, and the distance [m] or angle [rad] covered
     """
     covered = 0.0
     if math.isfinite(acceleration):
@@ -176,7 +180,8 @@ def first_order_response(
         velocity = target
     if lag == 0.0:
         return velocity, covered + velocity * duration
-    # The share of the gap that is closed; expm1() is exact if the duration is much below the lag.
+    # The part of the velocity difference that is closed during the exponential, 0 to 1.  expm1()
+    # is accurate even if the duration is much shorter than the lag.
     closed = -math.expm1(-duration / lag)
     gap = target - velocity
     return velocity + gap * closed, covered + target * duration - gap * lag * closed
@@ -188,7 +193,7 @@ class _State:
     #: the pose on the floor, and the odometry pose without noise
     pose: Pose
     reported: Pose
-    #: the velocity before gains and noise
+    #: the velocity before gains and noise are applied
     velocity: Velocity
 
 
@@ -196,11 +201,12 @@ class DriveModel:
     """
     A unicycle model that follows commanded velocities, and its odometry.
 
-    It starts at rest at the origin.
+    The robot starts at rest at the origin.
 
-    Each call takes the time [s]; the time must not decrease.  The state is stored at each command
-    and, while the velocity changes, on a fixed time grid.  A query computes its result from the
-    last stored state, so results do not depend on the times of the queries.
+    The parameter ``now`` of each method is the time [s], which must not decrease.  The model
+    stores its state at each command and, while the velocity changes, at the times of a fixed grid.
+    A query computes its result from the last stored state, so the result does not depend on the
+    times of earlier queries.
 
     :param parameters: the deviations from an ideal robot
     :param start: the current time [s]; the time grid starts here
@@ -215,18 +221,19 @@ class DriveModel:
         self._random = random.Random(seed)
         self._state = _State(start, ORIGIN, ORIGIN, ZERO)
         self._target = ZERO
-        #: commands that the drive does not follow yet, with the time at which it will [s]
+        #: the commands that the drive does not follow yet, each with the time [s] at which the
+        #: drive begins to follow it
         self._commands: deque[tuple[float, Velocity]] = deque()
         self._tick = 0
         self._noise = Velocity(1.0, 1.0)
 
     def set_target(self, target: Velocity, now: float) -> None:
-        """Command a velocity from now on; the drive follows after its dead time."""
+        """Command a velocity, which the drive begins to follow after its dead time."""
         self._commands.append((now + self._parameters.dead_time, target))
         self._follow(now)
 
     def state_at(self, now: float) -> tuple[Pose, Velocity]:
-        """Return the true pose and velocity."""
+        """Return the true pose and the true velocity on the floor."""
         state, velocity = self._query(now)
         return state.pose, velocity if self._floor is None else self._floor.to_floor(velocity)
 
@@ -249,7 +256,7 @@ class DriveModel:
             pose.theta + noise.gauss(0.0, parameters.heading_noise)), velocity
 
     def _query(self, now: float) -> tuple[_State, Velocity]:
-        """Return the state at a time, and the odometry velocity."""
+        """Return the state at a time, and the velocity in odometry at this time."""
         self._follow(now)
         self._advance(now)
         state = self._state_at(now)
@@ -264,7 +271,11 @@ class DriveModel:
             self._target = target
 
     def _reported(self, linear: float, angular: float) -> Velocity:
-        """Apply gains, noise and veer to velocities, or to a distance and an angle."""
+        """
+        Return a velocity in odometry, with gains, noise and unwanted turn applied.
+
+        The arguments may also be a distance [m] and an angle [rad].
+        """
         parameters = self._parameters
         reported_linear = linear * (parameters.linear_gain * self._noise.linear_x)
         reported_angular = angular * (parameters.angular_gain * self._noise.angular_z)
@@ -279,7 +290,7 @@ class DriveModel:
         return self._target.is_zero and self._state.velocity.is_zero
 
     def _advance(self, now: float) -> None:
-        """Advance the state to the last grid time before or at a time."""
+        """Advance the stored state to the last grid time that is not after ``now``."""
         if self._parameters.is_ideal:
             return
         while not self._is_at_rest and (next_time := self._grid_time(self._tick + 1)) <= now:

@@ -61,16 +61,18 @@ def rotation(angle: float) -> pb2.Quaternion:
 
 
 def pose(value: Pose) -> pb2.Pose:
-    """Return a pose message, with the heading wrapped to [-pi, pi]."""
+    """Return the message of a pose, with the heading wrapped to [-pi, pi]."""
     return pb2.Pose(x=value.x, y=value.y, theta=math.remainder(value.theta, math.tau))
 
 
 def odometry(where: Pose, velocity: Velocity, stamp: int) -> pb2.RosOdometry:
     """
-    Return an odometry message in the layout of ROS; all covariances are 0.
+    Return an odometry message with the fields of ``nav_msgs/Odometry``.
+
+    All covariances are 0.
 
     :param where: the odometry pose
-    :param velocity: the velocity
+    :param velocity: the velocity in odometry
     :param stamp: the time of the sample [ns since 1970]
     """
     return pb2.RosOdometry(
@@ -102,13 +104,15 @@ def transform(where: Pose, frame: str, child: str, stamp: int) -> pb2.RosTransfo
         translation=pb2.Vector3(x=where.x, y=where.y), rotation=rotation(where.theta))
 
 
-#: The duration of a speak command with any text [s] (assumed).  The command makes no sound.
+#: The duration of a speak command with any text [s].  The duration is assumed, not documented by
+#: the manufacturer.  The command makes no sound.
 SPEAK_DURATION = 1.0
-#: The location of the dock, which every Kachaka has; the manufacturer's examples use this name.
+#: The name of the location of the dock, which every Kachaka has.  The manufacturer's examples use
+#: the same name.
 HOME = 'home'
 #: A chosen serial number that no real robot has.
 SERIAL_NUMBER = 'SIMULATED'
-#: The release of the robot's software for the implemented version of the SDK.
+#: The release of the robot's software that belongs to the version of the SDK implemented here.
 VERSION = '3.17.5'
 
 
@@ -128,11 +132,11 @@ class ReceivedCommand:
 def task_from_request(
         request: pb2.StartCommandRequest, state: SimulatorState, identity: str) -> Task | int:
     """
-    Return the task for a request, or an error code.
+    Return the task for a request, or an error code if the robot refuses the request.
 
     :param request: the request
     :param state: the robot and its clock
-    :param identity: the unique name for the task
+    :param identity: the unique name of the new task
     """
     name = request.command.WhichOneof('command')
     if name not in ACTIONS:
@@ -182,7 +186,7 @@ def _return_shelf(command: Any, state: SimulatorState) -> int:
     return ERROR_UNKNOWN_NAME if command.target_shelf_id else ERROR_NO_FURNITURE
 
 
-#: For each command, a function that returns its actions, or an error code if it needs furniture.
+#: For each command, a function that returns its actions, or an error code if the robot refuses it.
 ACTIONS: dict[str, Callable[[Any, SimulatorState], tuple[Action, ...] | int]] = {
     'move_forward_command': lambda command, state: (
         drive_straight(command.distance_meter, command.speed),),
@@ -200,7 +204,7 @@ ACTIONS: dict[str, Callable[[Any, SimulatorState], tuple[Action, ...] | int]] = 
 
 
 def command_of(task: Task | None) -> pb2.Command | None:
-    """Return the command of a task; None without a task."""
+    """Return the client's command that a task executes, or None if there is none."""
     return task.note.command if task and isinstance(task.note, ReceivedCommand) else None
 
 
@@ -216,21 +220,21 @@ Fields = dict[str, Any]
 
 
 def _battery(is_docked: bool) -> Fields:
-    """Return a full battery; it is charging if the robot is on the dock."""
+    """Return the message fields of a full battery, which charges if the robot is docked."""
     status = (pb2.POWER_SUPPLY_STATUS_CHARGING if is_docked
               else pb2.POWER_SUPPLY_STATUS_DISCHARGING)
     return {'remaining_percentage': 100.0, 'power_supply_status': status}
 
 
 def _command_state(task: Task | None) -> Fields:
-    """Return the state and the running command, if there is one."""
+    """Return the message fields for the command state, and for the running command if any."""
     state = pb2.COMMAND_STATE_RUNNING if task else pb2.COMMAND_STATE_PENDING
     return {
         'state': state, 'command': command_of(task), 'command_id': task.identity if task else ''}
 
 
 def _last_result(results: Sequence[TaskResult]) -> Fields:
-    """Return the result of the last ended command."""
+    """Return the message fields for the command that ended last, and its result."""
     if not results:
         return {}
     last = results[-1]
@@ -239,20 +243,21 @@ def _last_result(results: Sequence[TaskResult]) -> Fields:
 
 
 def _locations(dock: pb2.Pose) -> Fields:
-    """Return the location of the dock, the only one."""
+    """Return the message fields for the only location, that of the dock."""
     return {'default_location_id': HOME, 'locations': [
         pb2.Location(id=HOME, name=HOME, pose=dock, type=pb2.LOCATION_TYPE_CHARGER)]}
 
 
-#: The calls that return a value, or wait until it is newer than the value of the client: the name
-#: of the value, and the fields of the response for a value.  There are no shelves and no maps.
+#: The gRPC calls that read a value.  Each call waits until the value is newer than the client's
+#: value.  For each call: the name of the value, and a function that returns the message fields of
+#: the response for a value.  There are no shelves and no maps.
 READINGS: dict[str, tuple[str, Callable[[Any], Fields]]] = {
     'GetAutoHomingEnabled': ('auto_homing', lambda enabled: {'enabled': enabled}),
     'GetBatteryInfo': ('docked', _battery),
     'GetCommandState': ('task', _command_state),
     'GetCurrentMapId': ('constant', lambda _: {}),
     'GetError': ('errors', lambda codes: {'error_codes': codes}),
-    # All commands, newest last; this order is an assumption.
+    # The last 100 commands, newest last; this order is an assumption.
     'GetHistoryList': ('results', lambda results: {'histories': [*map(_history, results)]}),
     'GetLastCommandResult': ('results', _last_result),
     'GetLocations': ('dock', _locations),
@@ -266,7 +271,7 @@ READINGS: dict[str, tuple[str, Callable[[Any], Fields]]] = {
     'GetRobotSerialNumber': ('constant', lambda _: {'serial_number': SERIAL_NUMBER}),
     'GetRobotVersion': ('constant', lambda _: {'version': VERSION}),
     'GetRosOdometry': ('odometry', lambda odometry: {'odometry': odometry}),
-    # The same odometry; this is an assumption.
+    # The same values as for GetRosOdometry; this is an assumption.
     'GetRosWheelOdometry': ('odometry', lambda odometry: {'odometry': odometry}),
     'GetShelves': ('constant', lambda _: {}),
     'GetShelvesDigest': ('constant', lambda _: {}),

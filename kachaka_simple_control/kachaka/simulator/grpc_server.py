@@ -28,10 +28,12 @@ from kachaka_simple_control.kachaka.simulator.grpc_services import SimulatedKach
 from kachaka_simple_control.kachaka.simulator.grpc_state import Clock, SimulatorState
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 
-#: The robot's port, and the loopback address: only this machine reaches the simulated robot.
+#: The port of a real robot, and the loopback address: at this address only programs on the same
+#: machine reach the simulated robot.
 PORT = 26400
 LOOPBACK = '127.0.0.1'
-#: Without this option, a second server on the same port would take half of the calls.
+#: Without this option, a second server on the same port could start and would receive half of the
+#: calls.
 OPTIONS = (('grpc.so_reuseport', 0),)
 
 
@@ -40,9 +42,11 @@ T = TypeVar('T')
 
 class GrpcServer:
     """
-    The gRPC server of a simulated robot; create, start and stop it in one event loop.
+    The gRPC server of a simulated robot.
 
-    :param robot: the robot; only the server may call it from now on
+    Create, start and stop the server in the same event loop.
+
+    :param robot: the robot; from now on, other code may call it only through ``call()``
     :param clock: the clock of the robot
     """
 
@@ -85,9 +89,11 @@ class GrpcServer:
 
     def call(self, function: Callable[[SimulatedKachaka, float], T]) -> T:
         """
-        Run a function in the server's event loop, between two gRPC calls; for other threads.
+        Run a function in the server's event loop, between two gRPC calls.
 
-        :param function: called with the robot and the steady time [s]
+        Call this method only from a thread that does not run the event loop.
+
+        :param function: called with the robot and the time of the steady clock [s]
         :returns: the return value of the function
         """
         async def work() -> T:
@@ -97,12 +103,12 @@ class GrpcServer:
         return asyncio.run_coroutine_threadsafe(work(), self._loop).result()
 
     def wake(self) -> None:
-        """Make the server read its clock again, after a change of the clock."""
+        """Make the server read its clock again, after a test has changed the time."""
         self.call(lambda *_: None)
 
 
 def _require_bindable(host: str, port: int) -> None:
-    """Raise an OSError with the reason if a port cannot be bound; grpc gives no reason."""
+    """Raise an OSError with the reason if a port cannot be bound, as grpc gives no reason."""
     family, kind, protocol, _, address = socket.getaddrinfo(
         host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
     with socket.socket(family, kind, protocol) as trial:
@@ -117,10 +123,10 @@ def serving(
     """
     Serve a simulated robot over gRPC, in a thread, during a ``with`` block.
 
-    :param robot: the robot; it must use the time base of the clock
+    :param robot: the robot, created with a time of the same clock
     :param port: the port; 0 for any free port
     :param host: the name or IP address of an interface of this machine
-    :param clock: the clock; default: the clock of this machine
+    :param clock: the clock; default: the clocks of this machine
     :returns: a context manager for the running server
     :raises OSError: if the port cannot be bound
     """

@@ -44,24 +44,28 @@ from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 MAP_FRAME = 'map'
 BODY_FRAME = 'base_link'
 LASER_FRAME = 'laser_frame'
-#: The pose of the laser in the body frame and its height [m], from kachaka_description in
-#: pf-robotics/kachaka-api.
+#: The pose of the laser in the frame ``base_link`` [m, rad], and the height of the laser [m], from
+#: kachaka_description in pf-robotics/kachaka-api.
 LASER, LASER_HEIGHT = Pose(0.156, 0.0, math.pi / 2.0), 0.1049
-#: The list of errors in the robot's format; the texts of both languages are English.
+#: The list of errors in the JSON format of the robot.  The format has texts in two languages; here
+#: both texts are English.
 ERRORS = json.dumps([
     {'code': code, 'error_type': kind, 'title': text, 'description': '',
      'title_en': text, 'description_en': '', 'ref_url': ''}
     for code, kind, text in TEXTS])
-#: The upper ends of the ranges in protos/kachaka-api.proto; the lower ends are 0.
+#: The largest allowed values, from protos/kachaka-api.proto; the smallest are 0.
 MAX_VOLUME = 10
 MAX_INTENSITY = 255
 
 
 def _with_result(execute: Callable[[Any, Any], int]) -> Callable[..., Awaitable[Any]]:
     """
-    Return a gRPC call whose response is the result of a request, and wake all waiting calls.
+    Return a gRPC call that executes a request, and responds with a result message.
 
-    :param execute: executes the request; returns 0 or an error code; the method of the call
+    After the request, it wakes all calls that wait for a change of the robot.
+
+    :param execute: the method that executes the request; it returns 0 or an error code, and has
+        the name of the gRPC call
     """
     @functools.wraps(execute)
     async def call(self: SimulatedKachakaServicer, request: Any, _context: Any) -> Any:
@@ -75,7 +79,8 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
     """
     The gRPC service of a simulated Kachaka.
 
-    It also has the calls of ``grpc_messages.READINGS``; other calls return UNIMPLEMENTED.
+    The class also gets a method for each call in ``grpc_messages.READINGS``.  All calls that are
+    not implemented fail with the gRPC status UNIMPLEMENTED.
 
     :param state: the robot and its clock
     """
@@ -88,7 +93,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
         #: the values that clients read, by name
         self.values: dict[str, LongPollValue[Any]] = {
             'auto_homing': LongPollValue(state, lambda _: self._auto_homing),
-            # The cursor source for values that never change.
+            # Values that never change need only a cursor.
             'constant': LongPollValue(state, lambda _: None),
             'dock': LongPollValue(state, lambda _: grpc_messages.pose(robot.dock)),
             'docked': LongPollValue(state, robot.is_docked),
@@ -105,7 +110,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
     async def SetRobotVelocity(
             self, request: pb2.SetRobotVelocityRequest, context: Any
             ) -> pb2.SetRobotVelocityResponse:
-        """Drive with a velocity, clipped to the limits, until the command timeout."""
+        """Drive with a velocity, clipped to the limits, until the command timeout expires."""
         code = self.state.robot.set_robot_velocity(
             request.linear, request.angular, self.state.now())
         # No notify(): no long poll depends on the velocity, and this call must be fast.
@@ -118,12 +123,12 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     @_with_result
     def SetEmergencyStop(self, request: pb2.EmptyRequest) -> int:
-        """Stop the robot, and refuse to move until the power button is pressed."""
+        """Stop the robot, which then refuses to move until its power button is pressed."""
         return self.state.robot.set_emergency_stop(self.state.now())
 
     @_with_result
     def SetRobotPose(self, request: pb2.SetRobotPoseRequest) -> int:
-        """Set the estimated pose on the map; the robot does not move."""
+        """Set the robot's estimated pose on the map, without a motion of the robot."""
         state, pose = self.state, request.pose
         if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):
             return ERROR_NOT_A_VELOCITY
@@ -133,7 +138,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     @_with_result
     def SetSpeakerVolume(self, request: pb2.SetSpeakerVolumeRequest) -> int:
-        """Set the volume, 0 to 10; the only effect is on ``GetSpeakerVolume()``."""
+        """Store the volume, 0 to 10, which only ``GetSpeakerVolume()`` uses."""
         code = _check(request.volume, MAX_VOLUME)
         if code == SUCCESS:
             self._volume = request.volume
@@ -141,23 +146,23 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     @_with_result
     def SetFrontTorchIntensity(self, request: pb2.SetFrontTorchIntensityRequest) -> int:
-        """Check a torch intensity, 0 to 255; there is no other effect."""
+        """Check that a torch intensity is from 0 to 255, and do nothing else."""
         return _check(request.intensity, MAX_INTENSITY)
 
     @_with_result
     def SetBackTorchIntensity(self, request: pb2.SetBackTorchIntensityRequest) -> int:
-        """Check a torch intensity, 0 to 255; there is no other effect."""
+        """Check that a torch intensity is from 0 to 255, and do nothing else."""
         return _check(request.intensity, MAX_INTENSITY)
 
     @_with_result
     def SetAutoHomingEnabled(self, request: pb2.SetAutoHomingEnabledRequest) -> int:
-        """Store the setting; the only effect is on ``GetAutoHomingEnabled()``."""
+        """Store the setting, which only ``GetAutoHomingEnabled()`` uses."""
         self._auto_homing = request.enable
         return SUCCESS
 
     @_with_result
     def ResetShelfPose(self, request: pb2.ResetShelfPoseRequest) -> int:
-        """Do nothing, because there are no shelves; refuse a request with a shelf id."""
+        """Refuse a request with a shelf id, because there are no shelves; else do nothing."""
         return ERROR_UNKNOWN_NAME if request.shelf_id else SUCCESS
 
     @_with_result
@@ -167,12 +172,12 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     @_with_result
     def Proceed(self, request: pb2.EmptyRequest) -> int:
-        """End the current lock, a standstill that waits for the client."""
+        """End the current lock command early; during a lock the robot stands still."""
         return self.state.robot.end_standstill(self.state.now())
 
     async def StartCommand(
             self, request: pb2.StartCommandRequest, context: Any) -> pb2.StartCommandResponse:
-        """Start a command; it waits for earlier commands, or cancels them on request."""
+        """Start a command after the earlier commands, or cancel these if the request says so."""
         state = self.state
         identity = f'{state.new_cursor():016x}'
         task = grpc_messages.task_from_request(request, state, identity)
@@ -193,7 +198,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
             result=grpc_messages.result(code), command=grpc_messages.command_of(task))
 
     async def IsReady(self, request: pb2.EmptyRequest, context: Any) -> pb2.IsReadyResponse:
-        """Return that the robot is ready, always."""
+        """Return that the robot is ready, which is always true here."""
         return pb2.IsReadyResponse(ready=True)
 
     async def GetRobotErrorCodeJson(
@@ -204,7 +209,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     async def GetStaticTransform(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetStaticTransformResponse:
-        """Return the transforms to the body and to the laser."""
+        """Return the fixed transforms: base_footprint to base_link, base_link to laser_frame."""
         cursor, _ = await self.values['constant'].get(request.metadata.cursor)
         stamp = self.state.clock.stamp()
         laser = grpc_messages.transform(LASER, BODY_FRAME, LASER_FRAME, stamp)
@@ -216,7 +221,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
     async def GetDynamicTransform(
             self, request: pb2.EmptyRequest, context: Any
             ) -> AsyncIterator[pb2.GetDynamicTransformResponse]:
-        """Stream the transforms from the map to the robot until the client disconnects."""
+        """Stream the transforms map to odom and odom to base_footprint until a disconnect."""
         cursor = 0
         while True:
             cursor, transforms = await self.values['transforms'].get(cursor)
@@ -243,7 +248,15 @@ def _check(value: int, highest: int) -> int:
 
 
 def _reading(name: str, value: str, fields: Callable[[Any], dict[str, Any]]) -> Callable[..., Any]:
-    """Return the gRPC call that returns a value, or waits until it is newer."""
+    """
+    Return the gRPC call that reads a value.
+
+    The call waits until the value is newer than the client's value.
+
+    :param name: the name of the call
+    :param value: the name of the value
+    :param fields: returns the fields of the response for the value
+    """
     async def call(self: SimulatedKachakaServicer, request: pb2.GetRequest, _: Any) -> Any:
         cursor, newest = await self.values[value].get(request.metadata.cursor)
         return getattr(pb2, f'{name}Response')(
@@ -260,7 +273,7 @@ def _refusal(name: str) -> Callable[..., Any]:
 
 for _name, _value_and_fields in grpc_messages.READINGS.items():
     setattr(SimulatedKachakaServicer, _name, _reading(_name, *_value_and_fields))
-#: All calls of the robot's service, and the calls that the simulated robot does not implement.
+#: The names of all calls of the robot's service, and of those that are not implemented here.
 CALLS = tuple(name for name in vars(KachakaApiServicer) if name[0].isupper())
 UNIMPLEMENTED = tuple(
     name for name in CALLS

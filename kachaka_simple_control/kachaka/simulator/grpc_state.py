@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The state behind the gRPC service: robot, clock, map transform, and values for long polls."""
+"""The state of the gRPC service: robot, clock, map transform, and values for long polls."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from kachaka_simple_control.motion.geometry import compose, ORIGIN, Pose, relati
 
 class Clock:
     """
-    The clocks of this machine: steady time and time of day.
+    The clocks of this machine: a steady clock, and the time of day.
 
-    Tests use a subclass with a clock that they set, and wake the server after each change.
+    Tests use a subclass whose time they set.  They wake the server after each change of the time.
     """
 
     def now(self) -> float:
-        """Return the time of the steady clock [s], the time base of the robot."""
+        """Return the time of the steady clock [s], which the robot uses."""
         return time.monotonic()
 
     def stamp(self) -> int:
@@ -43,48 +43,54 @@ class Clock:
 
     def delay(self, until: float) -> float | None:
         """
-        Return the delay until a time.
+        Return how long to wait until a time.
 
         :param until: the time [s, steady clock]
-        :returns: the delay [s]; None for a clock that is set by a test, which wakes the server
+        :returns: the duration of the wait [s]; None for no limit, if a test sets the time and
+            wakes the server
         """
         return max(until - self.now(), 0.0)
 
 
 class MapToOdom:
-    """The transform from odometry to the map: the identity until ``correct()`` is called."""
+    """
+    The transform between the map frame and the odometry frame.
+
+    It is the identity until ``correct()`` is called.
+    """
 
     def __init__(self) -> None:
-        #: the pose of the odometry origin on the map
+        #: the pose of the odometry frame in the map frame
         self.offset = ORIGIN
 
     def to_map(self, pose: Pose) -> Pose:
-        """Convert a pose in odometry to a pose on the map."""
+        """Convert a pose in the odometry frame to a pose in the map frame."""
         return compose(self.offset, pose)
 
     def to_odometry(self, pose: Pose) -> Pose:
-        """Convert a pose on the map to a pose in odometry."""
+        """Convert a pose in the map frame to a pose in the odometry frame."""
         return relative_to(self.offset, pose)
 
     def correct(self, map_pose: Pose, odometry_pose: Pose) -> None:
         """
-        Set the transform so that it maps the odometry pose to the map pose.
+        Set the transform so that ``to_map()`` converts the odometry pose to the map pose.
 
-        :param map_pose: the pose on the map
-        :param odometry_pose: the pose in odometry
+        :param map_pose: the pose of the robot in the map frame
+        :param odometry_pose: the pose of the robot in the odometry frame
         """
         self.offset = compose(map_pose, relative_to(odometry_pose, ORIGIN))
 
 
 class SimulatorState:
     """
-    The robot, its clock and its map transform; used in one event loop, so it needs no lock.
+    The robot, its clock, and the transform between map and odometry.
 
-    Code that changes the robot must call ``notify()`` to wake all waiting calls.  ``run()`` does
-    this when the robot changes by itself.
+    All code that uses this object runs in one event loop, so no lock is needed.  Code that changes
+    the robot must call ``notify()`` to wake all waiting calls.  ``run()`` does this when the robot
+    changes automatically, for example when manual control expires.
 
-    :param robot: the robot; no other code may call it with a time from now on
-    :param clock: the clock
+    :param robot: the robot; from now on, code outside of the event loop must not call it
+    :param clock: the clock of the robot
     """
 
     def __init__(self, robot: SimulatedKachaka, clock: Clock) -> None:
@@ -99,21 +105,21 @@ class SimulatorState:
         return self.clock.now()
 
     def notify(self) -> None:
-        """Wake all calls that wait for a change."""
+        """Wake all calls that wait for a change of the robot or its values."""
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()
 
     def new_cursor(self) -> int:
-        """Return a new cursor: a number never used before, in this process or an earlier one."""
-        # The cursor of the real robot is a time, too.
+        """Return a new cursor, a number that neither this nor an earlier process has used."""
+        # The cursors of the real robot are times, too.
         self._cursor = max(self._cursor + 1, int(self.now() * 1e9))
         return self._cursor
 
     async def wait(self, until: float = math.inf) -> None:
         """
-        Wait for a change, or until a time.
+        Wait until ``notify()`` is called, or until a time.
 
-        :param until: the time [s, steady clock]
+        :param until: the time [s, steady clock]; infinity for no limit
         """
         timeout = self.clock.delay(until) if math.isfinite(until) else None
         with contextlib.suppress(asyncio.TimeoutError):
@@ -122,7 +128,11 @@ class SimulatorState:
             await asyncio.sleep(0.0)
 
     async def run(self) -> None:
-        """Advance the robot whenever it changes by itself, and notify; never return."""
+        """
+        Wake all waiting calls each time that the robot changes automatically.
+
+        This coroutine runs until it is cancelled.
+        """
         while True:
             change_time = self.robot.next_change(self.now())
             await self.wait(change_time)
@@ -143,7 +153,7 @@ class LongPollValue(Generic[T]):
 
     :param state: the robot and its clock
     :param read: returns the value; called with the time [s, steady clock]
-    :param period: the update period of the value [s]; 0: update when the value changes
+    :param period: the update period of the value [s]; 0 to update when the value changes
     """
 
     def __init__(
@@ -157,9 +167,10 @@ class LongPollValue(Generic[T]):
 
     async def get(self, cursor: int) -> tuple[int, T]:
         """
-        Return cursor and value as soon as the value is newer than the client's value.
+        Wait until the value is newer than the client's value.
 
         :param cursor: the cursor of the client's value; 0 if the client has none
+        :returns: the cursor of the newest value, and the value
         """
         while True:
             self._refresh()
@@ -175,7 +186,8 @@ class LongPollValue(Generic[T]):
         now = self._state.now()
         if self._period:
             if now >= self._next_refresh:
-                # If rounding makes the quotient too small, the refresh would remain due.
+                # Add at least 1: if rounding makes the quotient too small, the same refresh would
+                # be due again.
                 self._index = max(self._index + 1, int((now - self._start) / self._period))
                 self._refresh_at(now)
         elif self._read(now) != self._value:

@@ -44,30 +44,31 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 
 
 class TimedState(Enum):
-    """The states of the robot that end by themselves after a time."""
+    """The states of the robot that end automatically after a time."""
 
     MANUAL_CONTROL = 'manual control'
-    #: the last velocity is held until the command timeout
+    #: the robot keeps the last velocity until the command timeout
     VELOCITY = 'velocity'
     #: the robot leaves its dock and ignores velocities
     UNDOCKING = 'undocking'
-    #: a task is running; the state ends with the next control period
+    #: a task is running; the end time is that of the current control period
     TASK = 'task'
 
 
 class SimulatedKachaka:
     """
-    A simulated Kachaka that behaves like the robot behind its gRPC service.
+    A simulated Kachaka that behaves like the real robot behind its gRPC service.
 
-    Each call takes the time ``now`` of a steady clock [s].  The time should not decrease; a time
-    before the latest one counts as the latest one.  Not thread-safe.  Methods that change the
-    robot return 0 or an error code.  Behaviour marked as assumed is not documented by the
-    manufacturer.
+    The parameter ``now`` of each method is the time of a steady clock [s].  If it is earlier than
+    in a previous call, the latest time so far is used.  Most methods that change the robot return
+    0 or an error code.  Behaviour that is called assumed is not documented by the manufacturer.
+    The class is not thread-safe.
 
-    :param start: the current time [s]
+    :param start: the current time [s, steady clock]
     :param parameters: the deviations of drive and odometry from an ideal robot
     :param docked: whether the robot starts on its charging dock
-    :param seed: the seed of all noise: the same calls at the same times give the same values
+    :param seed: the seed of all noise; with the same seed, the same calls at the same times return
+        the same values
     """
 
     def __init__(
@@ -79,15 +80,21 @@ class SimulatedKachaka:
         self._is_docked = docked
         self._is_paused = False
         self._tasks = TaskQueue(parameters)
-        # If not docked, the robot starts at the end of the undocking motion.
+        # A robot that is not docked starts where its undocking motion would end.
         self.dock = Pose(0.0 if docked else -parameters.undock_distance)
         self._until: dict[TimedState, float] = {}
 
     def set_manual_control(self, enabled: bool, now: float) -> int:
         """
-        Switch manual control on for its duration, or off; switching off stops the robot.
+        Switch manual control on for 60 s, or off.
 
-        Switching on ends all tasks (assumed).  A docked robot leaves the dock first.
+        Switching it on cancels all tasks.  This is assumed, not documented by the manufacturer.  A
+        docked robot leaves its dock before it follows velocities.  Switching it off stops the
+        robot, unless the robot is leaving its dock.
+
+        :param enabled: whether to switch manual control on
+        :param now: the time [s, steady clock]
+        :returns: 0, or the error code if the robot is paused and must not switch it on
         """
         now = self._advance(now)
         if enabled and self._is_paused:
@@ -104,13 +111,14 @@ class SimulatedKachaka:
         """
         Drive with a velocity until the next velocity, or until the command timeout.
 
-        The velocity is clipped to the limits (assumed).  While the robot leaves its dock, the
-        velocity is ignored without an error (assumed).
+        The velocity is clipped to the limits.  While the robot leaves its dock, it ignores the
+        velocity without an error.  Both are assumed, not documented by the manufacturer.
 
-        :param linear: the forward velocity as a fraction of the largest, -1 to 1
-        :param angular: the turning velocity as a fraction of the largest, -1 to 1
-        :param now: the time [s]
-        :returns: 0, or the error code; an error changes nothing
+        :param linear: the forward velocity as a fraction of the largest one, -1 to 1
+        :param angular: the turning velocity as a fraction of the largest one, -1 to 1,
+            counter-clockwise positive
+        :param now: the time [s, steady clock]
+        :returns: 0, or the error code if the robot refuses the velocity
         """
         now = self._advance(now)
         if not (math.isfinite(linear) and math.isfinite(angular)):
@@ -129,14 +137,16 @@ class SimulatedKachaka:
 
     def start_task(self, task: Task, now: float, drop_others: bool = True) -> int:
         """
-        Start a task, and end manual control (assumed).
+        Start a task, and end manual control.
 
-        A docked robot leaves the dock first if the task moves the robot (assumed).
+        If the task moves the robot, a docked robot leaves its dock first.  Both are assumed, not
+        documented by the manufacturer.
 
         :param task: the task
-        :param now: the time [s]
-        :param drop_others: whether to drop all other tasks; else the task waits for them
-        :returns: 0, or the error code; an error changes nothing
+        :param now: the time [s, steady clock]
+        :param drop_others: whether to cancel all other tasks; if not, the task waits until they
+            have ended
+        :returns: 0, or the error code if the robot refuses the task
         """
         now = self._advance(now)
         if self._is_paused and task.moves:
@@ -154,14 +164,19 @@ class SimulatedKachaka:
         return SUCCESS
 
     def cancel_tasks(self, now: float) -> Task | None:
-        """Stop and drop all tasks; return the task that was running, or None."""
+        """Cancel all tasks, and return the task that was running, or None."""
         now = self._advance(now)
         task = self._tasks.current
         self._drop_tasks(ERROR_CANCELLED, now)
         return task
 
     def end_standstill(self, now: float) -> int:
-        """End the current action if it is a standstill that a client may end."""
+        """
+        End the current action early, if it is a standstill that a client may end.
+
+        :param now: the time [s, steady clock]
+        :returns: 0, or the error code if there is no such action
+        """
         now = self._advance(now)
         if not self._tasks.end_standstill(now):
             return ERROR_NOTHING_TO_DO
@@ -171,10 +186,10 @@ class SimulatedKachaka:
 
     def set_emergency_stop(self, now: float) -> int:
         """
-        Stop and pause the robot, like the power button.
+        Stop and pause the robot, as its power button does.
 
-        This ends all timed states, also undocking (assumed), so that the robot does not move after
-        the pause.
+        This ends manual control, all tasks and undocking, so that the robot does not move after
+        the pause.  The end of undocking is assumed, not documented by the manufacturer.
         """
         now = self._advance(now)
         self._drop_tasks(ERROR_PAUSED, now)
@@ -184,14 +199,14 @@ class SimulatedKachaka:
         return SUCCESS
 
     def press_power_button(self, now: float) -> None:
-        """Pause the robot, or end the pause."""
+        """Pause the robot, or end the pause if the robot is paused."""
         if self._is_paused:
             self._is_paused = False
         else:
             self.set_emergency_stop(now)
 
     def task(self, now: float) -> Task | None:
-        """Return the running task; None if there is none."""
+        """Return the running task, or None if there is none."""
         self._advance(now)
         return self._tasks.current
 
@@ -222,12 +237,12 @@ class SimulatedKachaka:
         return self._is_docked
 
     def next_change(self, now: float) -> float:
-        """Return the time of the next change of the robot by itself [s]; infinite if none."""
+        """Return the time of the robot's next automatic change [s]; infinity if none is due."""
         self._advance(now)
         return min(self._until.values(), default=math.inf)
 
     def state(self, now: float) -> tuple[Pose, Velocity]:
-        """Return the true pose, relative to the start, and the true velocity."""
+        """Return the true pose relative to the start pose, and the true velocity."""
         return self._drive.state_at(self._advance(now))
 
     def odometry(self, now: float) -> tuple[Pose, Velocity]:
@@ -236,11 +251,15 @@ class SimulatedKachaka:
 
     @property
     def has_wrong_odometry(self) -> bool:
-        """Return whether odometry differs from the true pose by more than noise."""
+        """Return whether the odometry pose differs from the true pose, even without noise."""
         return self._parameters.floor is not None
 
     def _advance(self, now: float) -> float:
-        """Advance the robot to a time, and end timed states at their times, in order."""
+        """
+        Simulate until a time, and end each timed state at its end time.
+
+        :returns: the time, or the latest time of all calls if that is later
+        """
         self._now = max(self._now, now)
         while self._until:
             state, end = min(self._until.items(), key=lambda item: item[1])
@@ -253,13 +272,14 @@ class SimulatedKachaka:
         return self._now
 
     def _end_state(self, state: TimedState, now: float) -> None:
-        # The end of any state stops the robot, except that undocking is completed (assumed).
+        # The end of a state stops the robot, unless the robot is undocking.  Undocking is always
+        # completed (assumed, not documented by the manufacturer).
         del self._until[state]
         if TimedState.UNDOCKING not in self._until:
             self._drive.set_target(ZERO, now)
 
     def _run_tasks(self, now: float) -> None:
-        """Run one control period of the current task, and start the next task at its end."""
+        """Run one control period of the current task, or of the next task if it has ended."""
         while (task := self._tasks.current) is not None:
             if self._is_docked and task.moves:
                 self._is_docked = False

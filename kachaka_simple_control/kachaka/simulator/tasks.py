@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Tasks of the simulated robot: actions, their controller, and the task queue."""
+"""Tasks of the simulated robot: their actions, the controller of an action, and the queue."""
 
 from __future__ import annotations
 
@@ -28,17 +28,19 @@ from kachaka_simple_control.motion.geometry import advance, Pose, Velocity, ZERO
 # The manufacturer publishes none of these values; all are chosen.
 #: The period of the controller of an action [s].
 CONTROL_PERIOD = 0.02
-#: An action ends within this distance of its goal [m, rad]; with a lag it converges slowly.
+#: An action ends when the robot is within this distance of the goal [m, rad].  The second value is
+#: for a robot that is not ideal, which approaches the goal slowly.
 TOLERANCE, TOLERANCE_WITH_LAG = 1e-6, 1e-4
-#: An action also ends only below this speed, unless the robot can stop at once [m/s, rad/s].
+#: A robot that is not ideal must also be slower than this at the end of an action [m/s, rad/s].
 MAX_END_SPEED = 1e-3
 #: An action fails at its time limit if the goal is farther away than this [m, rad].
 FAILED_TOLERANCE = 1e-3
-#: The time limit of an action: a multiple of the time at full speed, plus a margin [s].
+#: The time limit of an action is its duration at full speed times this factor, plus this margin
+#: [s].
 TIME_LIMIT_FACTOR, TIME_LIMIT_MARGIN = 3.0, 10.0
-#: A point within this distance has no direction [m].
+#: The robot does not turn towards a point that is closer than this [m].
 SAME_POINT = 1e-4
-#: The largest number of stored results.
+#: The largest number of stored task results.
 MAX_RESULTS = 100
 
 
@@ -48,7 +50,7 @@ class MotionAction:
     An action that moves the robot: one straight line or one turn in place.
 
     :param length: returns the signed distance [m] or angle [rad] of the action; called with the
-        odometry pose at its start
+        pose at the start of the action
     :param is_turn: whether the action is a turn
     :param speed: the largest speed [m/s, rad/s]; 0 for the largest speed of the robot
     """
@@ -72,7 +74,7 @@ def turn_in_place(angle: float) -> MotionAction:
     """
     Return an action that turns in place.
 
-    :param angle: the angle [rad], counter-clockwise positive, not wrapped
+    :param angle: the angle [rad], counter-clockwise positive; it may be more than a full turn
     """
     return MotionAction(lambda _: angle, is_turn=True)
 
@@ -80,10 +82,10 @@ def turn_in_place(angle: float) -> MotionAction:
 @dataclass(frozen=True)
 class StandStill:
     """
-    An action that stands still for a time.
+    An action in which the robot stands still for a time.
 
     :param duration: the time [s]
-    :param can_be_ended: whether a client may end it early
+    :param can_be_ended: whether a client may end the action early
     """
 
     duration: float
@@ -95,9 +97,9 @@ Action = MotionAction | StandStill
 
 def plan_to_pose(pose: Pose) -> tuple[Action, ...]:
     """
-    Return the actions to reach a pose: a turn, a straight line and a turn, without obstacles.
+    Return the actions to reach a pose: a turn, a straight line and a second turn.
 
-    Both turns are by the smaller angle.
+    Each turn is at most half a full turn.  Obstacles are not considered.
 
     :param pose: the pose in odometry
     """
@@ -131,7 +133,7 @@ def plan_docking(dock: Pose, distance: float, speed: float) -> tuple[Action, ...
 
 class ActionController:
     """
-    The closed-loop controller of one action; it corrects gains and noise of the drive.
+    The closed-loop controller of one action, which corrects gains and noise of the drive.
 
     :param action: the action
     :param start: the pose at the start of the action
@@ -144,7 +146,7 @@ class ActionController:
             parameters: SimulationParameters) -> None:
         self._action = action
         self._start = start
-        #: the time limit of a motion, or the end of a standstill [s]
+        #: the latest time for a motion to end, or the time at which a standstill ends [s]
         self.end = now
         if isinstance(action, StandStill):
             self.end += action.duration
@@ -163,12 +165,13 @@ class ActionController:
     def step(
             self, pose: Pose, velocity: Velocity, now: float) -> tuple[Velocity, float] | bool:
         """
-        Return the next velocity and the time of the next step [s]; at the end, a bool.
+        Run one control step of the action.
 
         :param pose: the current pose
         :param velocity: the current velocity
         :param now: the time [s]
-        :returns: velocity and time; at the end of the action whether it succeeded
+        :returns: the next velocity and the time of the next step [s]; at the end of the action
+            instead a bool, whether the action has succeeded
         """
         action = self._action
         if isinstance(action, StandStill):
@@ -257,7 +260,7 @@ class TaskQueue:
         self._actions: deque[Action] = deque()
         self._controller: ActionController | None = None
         self.current: Task | None = None
-        #: the last results, newest last
+        #: the results of the last tasks, newest last
         self.results: deque[TaskResult] = deque(maxlen=MAX_RESULTS)
 
     def add(self, task: Task) -> None:
@@ -267,18 +270,23 @@ class TaskQueue:
             self._start_next()
 
     def drop_all(self, code: int) -> None:
-        """End all tasks with an error code."""
+        """End all tasks, and store the error code as the result of each task."""
         dropped = [] if self.current is None else [self.current]
         self.results.extend(TaskResult(task, code) for task in (*dropped, *self._waiting))
         self._waiting.clear()
         self._start_next()
 
     def prepend(self, action: Action) -> None:
-        """Insert an action before the next one of the current task."""
+        """Insert an action before the remaining actions of the current task."""
         self._actions.appendleft(action)
 
     def end_standstill(self, now: float) -> bool:
-        """End the current action if it is a standstill that may be ended; return whether it is."""
+        """
+        End the current action early, if it is a standstill that a client may end.
+
+        :param now: the time [s]
+        :returns: whether the current action is such a standstill
+        """
         if self._controller is None or not isinstance(
                 action := self._actions[0], StandStill) or not action.can_be_ended:
             return False
@@ -289,13 +297,15 @@ class TaskQueue:
             self, pose: Pose, velocity: Velocity,
             now: float) -> tuple[Velocity, float] | TaskResult:
         """
-        Continue the current task by one step; at its end, start the next task.
+        Run one control step of the current task.
+
+        When the task has ended, the next task in the queue becomes the current task.
 
         :param pose: the current pose
         :param velocity: the current velocity
         :param now: the time [s]
-        :returns: the next velocity and the time of the next step [s]; at the end of the task, the
-            result of the task
+        :returns: the next velocity and the time of the next step [s]; at the end of the task
+            instead the result of the task
         """
         while self._actions:
             if self._controller is None:
