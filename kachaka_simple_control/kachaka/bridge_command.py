@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The command ``kachaka_bridge``: connects a robot to ROS 2 with the official bridge's names."""
+"""
+The command ``kachaka_bridge``, which connects a Kachaka to ROS 2.
+
+The topics and the service have the same names as those of the manufacturer's official bridge.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +60,11 @@ PROGRAM = 'kachaka_bridge'
 
 
 class _Fault:
-    """Ends the bridge at a fault and keeps the first reason; the text is empty without a fault."""
+    """
+    Ends the bridge when a fault occurs, and stores the reason.
+
+    ``text`` is the reason for the first fault, or empty if there was no fault.
+    """
 
     def __init__(self, shutdown: ShutdownEvent) -> None:
         self._shutdown = shutdown
@@ -72,7 +80,7 @@ class _Fault:
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Run the bridge until a signal is received.
+    Run the bridge until a signal or a fault ends it.
 
     :param args: the arguments without the program's name; default: the command line
     :returns: the exit code
@@ -116,7 +124,7 @@ def _run(args: list[str], shutdown: ShutdownEvent) -> None:
 
 
 def _advice(options: argparse.Namespace) -> str:
-    """Return the advice to the user if another bridge uses the same names."""
+    """Return the advice for a user whose bridge found another bridge with the same names."""
     if not options.with_parent:
         return 'stop it, or choose another --namespace'
     mine = '--address' if options.address else '--sim (in a script, sim=True)'
@@ -126,7 +134,11 @@ def _advice(options: argparse.Namespace) -> str:
 def _bridge(
         options: argparse.Namespace, parameters: SimulationParameters,
         fault: _Fault) -> Callable[..., BridgeNode]:
-    """Return a function that creates the bridge node; connect to a real robot first."""
+    """
+    Return a function that creates the bridge node.
+
+    For a real robot, connect to the robot first.
+    """
     if options.sim:
         from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
         return partial(SimulatedBridge, SimulatedKachaka(
@@ -168,7 +180,7 @@ def _serve(node: BridgeNode, shutdown: ShutdownEvent, with_parent: bool) -> None
         from kachaka_simple_control.ros.endpoints import own_participant
         print(f'{PARTICIPANT}{own_participant(node).hex()}', file=sys.stderr, flush=True)
     # Each executor runs in its own thread.  The main thread sleeps until a signal is received, so
-    # it does not slow them down.
+    # it does not slow the executors down.
     with contextlib.ExitStack() as stack:
         for executor in node.executors():
             stack.enter_context(_spinning(executor, shutdown))
@@ -178,7 +190,12 @@ def _serve(node: BridgeNode, shutdown: ShutdownEvent, with_parent: bool) -> None
 
 @contextlib.contextmanager
 def _spinning(executor: ExecutorLoop, shutdown: ShutdownEvent) -> Iterator[None]:
-    """Run an executor in a thread during a ``with`` block; raise its exception at the end."""
+    """
+    Run an executor in a thread during a ``with`` block.
+
+    If the executor ends, ``shutdown`` is set.  If the executor raised an exception, the exception
+    is raised again at the end of the block.
+    """
     with ThreadPoolExecutor(max_workers=1) as threads:
         spinning = threads.submit(executor.run)
         spinning.add_done_callback(lambda _: shutdown.end())

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The nodes that connect a robot to ROS 2 with the names of the official bridge."""
+"""The ROS 2 nodes of the bridge, with the topics and the service of the official bridge."""
 
 from __future__ import annotations
 
@@ -43,9 +43,10 @@ from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import SetBool
 
 NODE = 'kachaka_bridge'
-#: The two odometry topics of the official bridge; the simulated robot publishes the same on both.
+#: The two odometry topics of the official bridge.  The simulated robot publishes the same messages
+#: on both topics.
 ODOMETRY_TOPICS = ('odometry/odometry', 'wheel_odometry/wheel_odometry')
-#: The shortest time between two warnings of a velocity above the limits [s].
+#: The shortest time between two warnings about velocities above the limits [s].
 LIMIT_WARN_PERIOD = 5.0
 
 
@@ -53,11 +54,14 @@ class BridgeNode(Node):
     """
     A bridge node with the topics, the service and the QoS of the official bridge.
 
+    Each subclass connects one kind of robot.
+
     :param namespace: the namespace of the topics and the service
-    :param on_conflict: called if another bridge with the same names is discovered later; gets a
-        description of this other bridge
-    :raises RobotTakenError: if another bridge already uses the same names
-    :raises UsageError: if a name is invalid, or already used by the node for something else
+    :param on_conflict: called if another bridge with the same topic names is discovered later,
+        with a description of that bridge
+    :raises RobotTakenError: if another bridge already uses the same topic names
+    :raises UsageError: if a name is invalid, or if remapping gives two topics or two services of
+        the node the same name
     """
 
     def __init__(
@@ -90,11 +94,11 @@ class BridgeNode(Node):
             f'odometry on {self._odometry[0].topic_name}')
 
     def executors(self) -> list[ExecutorLoop]:
-        """Return the executors of the node, each to run in its own thread."""
+        """Return the executors of the node; the caller runs each of them in its own thread."""
         return [NodeExecutor(self)]
 
     def on_velocity(self, twist: Twist) -> None:
-        """Send the velocity of a message to the robot."""
+        """Send the velocity of a message to the robot, and warn if it is above the limits."""
         velocity = conversions.velocity(twist)
         for value, largest, unit in (
                 (velocity.linear_x, KACHAKA.limits.max_linear_velocity, 'm/s'),
@@ -107,23 +111,28 @@ class BridgeNode(Node):
         self.drive(velocity, time.monotonic())
 
     def close(self) -> None:
-        """Disconnect from the robot; call before ``destroy_node()``."""
+        """Disconnect from the robot, before ``destroy_node()`` is called."""
 
     def drive(self, velocity: Velocity, now: float) -> None:
         """
         Send a velocity to the robot.
 
         :param velocity: the velocity; it may be infinite or NaN
-        :param now: the time at which it was received [s, steady clock]
+        :param now: the time at which the velocity was received [s, steady clock]
         """
         raise NotImplementedError
 
     def set_manual_control(self, enabled: bool) -> str:
-        """Switch manual control on or off; return the reason for a refusal, or empty text."""
+        """
+        Switch manual control on or off.
+
+        :param enabled: whether to switch manual control on
+        :returns: the reason if the robot refuses, else an empty text
+        """
         raise NotImplementedError
 
     def _take_claim(self) -> None:
-        # The claims of other bridges must be received before any other executor runs the node.
+        # No other executor runs the node yet, so the claims of other bridges are received here.
         executor = SingleThreadedExecutor(context=self.context)
         executor.add_node(self)
         try:
@@ -142,18 +151,19 @@ class BridgeNode(Node):
 
 class SimulatedBridge(BridgeNode):
     """
-    The bridge node of a simulated robot; it behaves like the official bridge.
+    The bridge node of a simulated robot, which behaves like the official bridge.
 
-    A velocity received while manual control is off switches manual control on; the velocity
-    itself is lost, also a zero.  The bridge does not limit velocities.  The only watchdog is the
-    robot's command timeout.  The bridge logs the robot's pose when manual control or the bridge
-    ends.
+    A velocity that is received while manual control is off switches manual control on.  This
+    velocity has no other effect; even a zero velocity is lost.  The bridge does not limit
+    velocities.  If no more velocities come, only the robot's own command timeout stops the robot.
+    The bridge logs the robot's pose when manual control is switched off, and when the bridge ends.
 
-    :param robot: the robot
+    :param robot: the simulated robot
     :param namespace: the namespace of the topics and the service
-    :param frame_prefix: a prefix for the frame names, without a separator
-    :param on_conflict: called if another bridge with the same names is discovered
-    :raises RobotTakenError: if another bridge already uses the same names
+    :param frame_prefix: the prefix of the frame names; no separator is added
+    :param on_conflict: called if another bridge with the same topic names is discovered later,
+        with a description of that bridge
+    :raises RobotTakenError: if another bridge already uses the same topic names
     """
 
     def __init__(
@@ -161,11 +171,11 @@ class SimulatedBridge(BridgeNode):
             on_conflict: Callable[[str], None] = lambda _: None) -> None:
         super().__init__(namespace, on_conflict)
         self._robot = robot
-        #: whether the pose of the robot was logged since manual control was enabled
+        #: whether the robot's pose was logged after manual control was last enabled
         self._is_place_logged = True
         self._frame_id = frame_prefix + ODOMETRY_FRAME
         self._child_frame_id = frame_prefix + ROBOT_FRAME
-        # Use a steady clock: /clock may stop while the robot drives.
+        # Use a steady clock, because /clock may stop while the robot drives.
         self._timer = self.create_timer(
             ODOMETRY_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -174,7 +184,7 @@ class SimulatedBridge(BridgeNode):
         Send a velocity to the robot.
 
         :param velocity: the velocity; it may be infinite or NaN
-        :param now: the time at which it was received [s, steady clock]
+        :param now: the time at which the velocity was received [s, steady clock]
         """
         code = self._robot.set_robot_velocity(
             velocity.linear_x / KACHAKA.limits.max_linear_velocity,
@@ -185,14 +195,19 @@ class SimulatedBridge(BridgeNode):
             self.get_logger().warning(f'the robot refused {velocity}', throttle_duration_sec=1.0)
 
     def close(self) -> None:
-        """Log the robot's pose if it is not logged yet; call before ``destroy_node()``."""
+        """Log the robot's pose if it is not logged yet, before ``destroy_node()`` is called."""
         if not self._is_place_logged:
             self._log_place(time.monotonic())
 
     def set_manual_control(self, enabled: bool) -> str:
-        """Switch manual control on or off; return the reason for a refusal, or empty text."""
+        """
+        Switch manual control on or off.
+
+        :param enabled: whether to switch manual control on
+        :returns: the reason if the robot refuses, else an empty text
+        """
         now = time.monotonic()
-        # Log changes only: clients repeat their request to renew it.
+        # Log only changes, because clients repeat their request to renew manual control.
         is_change = self._robot.manual_control(now) != enabled
         code = self._robot.set_manual_control(enabled, now)
         if is_change and code == SUCCESS:
@@ -214,8 +229,9 @@ class SimulatedBridge(BridgeNode):
             'from where it was started)')
 
     def _on_timer(self) -> None:
-        # Update also without a subscriber: a robot with a lag integrates its path in small steps.
-        # Otherwise the next velocity would have to wait for the integration of minutes.
+        # Update the robot even without a subscriber.  A robot with a lag integrates its path in
+        # small steps.  After minutes without an update, the next velocity would have to wait for
+        # all these steps.
         now, stamp = time.monotonic(), self.get_clock().now().to_msg()
         pose, velocity = self._robot.odometry(now)
         publishers = [

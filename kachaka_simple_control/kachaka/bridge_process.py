@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Run a bridge to a robot in its own process, for a ``with`` block or for a node."""
+"""Run the program ``kachaka_bridge`` as a child process of a script or a node."""
 
 from __future__ import annotations
 
@@ -35,8 +35,9 @@ from kachaka_simple_control.text import escaped
 EXIT_TIMEOUT = 2.0
 #: The longest time for the process to start and connect to a robot, or to print an error [s].
 START_TIMEOUT = 20.0
-#: The output of the process: the text when it is ready, the prefix of the error line, and the
-#: prefix of the line with its DDS participant.
+#: Texts in the output of the process: the start of the text that the process prints when it is
+#: ready, the prefix of the error line, and the prefix of the line with the identifier of its DDS
+#: participant.
 READY = 'ready: '
 ERROR_PREFIX = 'kachaka_bridge: '
 PARTICIPANT = 'participant: '
@@ -49,13 +50,13 @@ def simulated_bridge(
     """
     Run a simulated robot on ROS 2 during a ``with`` block, and always end it after the block.
 
-    The call returns before the robot is ready, because the code in the block waits for the robot.
+    The block starts before the robot is ready.  The code in the block has to wait for the robot.
 
     :param namespace: the namespace of the topics and the service
     :param options: more options of ``kachaka_bridge``
     :returns: a context manager for the process
-    :raises ControlError: if the process ends before the block; it replaces an error raised in the
-        block
+    :raises ControlError: if the process ends before the block ends; this error replaces an error
+        that was raised in the block
     """
     with _running(BridgeProcess(['--sim', '--namespace', namespace, *options])) as process:
         yield process
@@ -66,15 +67,15 @@ def real_bridge(address: str, namespace: str = KACHAKA.namespace) -> Iterator[Br
     """
     Run a bridge to a real robot during a ``with`` block, and always end it after the block.
 
-    The call returns when the robot has responded.  If the robot refuses to move, or the connection
-    is lost during a motion, the bridge ends, and the run that uses the bridge ends too.
+    The block starts when the robot has responded.  The bridge ends if the robot refuses to move,
+    or if the connection is lost during a motion.  A run that uses the bridge then ends, too.
 
     :param address: the address of the robot, HOST or HOST:PORT
     :param namespace: the namespace of the topics and the service
     :returns: a context manager for the process
     :raises RobotNotFoundError: if no robot responds
-    :raises ControlError: if the process ends before the block; it replaces an error raised in the
-        block
+    :raises ControlError: if the process ends before the block ends; this error replaces an error
+        that was raised in the block
     """
     with _running(BridgeProcess(
             ['--address', address, '--give-up', '--namespace', namespace],
@@ -98,20 +99,20 @@ def _running(process: BridgeProcess) -> Iterator[BridgeProcess]:
 
 class BridgeProcess:
     """
-    The bridge as a child process.
+    The program ``kachaka_bridge`` as a child process.
 
-    The child has its own session, so that Ctrl+C in the terminal does not end it before the robot
-    is stopped.  Its standard input is a pipe held only by the parent process, so the child also
-    ends if the parent is killed.
+    The child runs in its own POSIX session, so that Ctrl+C in the terminal does not end the child
+    before the robot is stopped.  The child's standard input is a pipe that only the parent process
+    keeps open, so the child also ends if the parent is killed.
 
-    :param options: options of ``kachaka_bridge``
-    :param name: the name of the child in messages
+    :param options: the command line options of the child
+    :param name: the name of the child in error messages
     """
 
     def __init__(self, options: Sequence[str], name: str = 'the simulated robot') -> None:
         self._name = name
         self._last_line = 'it printed nothing'
-        #: the DDS participant of the child; None until the child has printed it
+        #: the identifier of the child's DDS participant; None until the child has printed it
         self.participant: bytes | None = None
         self._ready = threading.Event()
         self._failure: ControlError | None = None
@@ -136,7 +137,11 @@ class BridgeProcess:
 
     @property
     def failure(self) -> ControlError:
-        """Return the error to raise after the end of the process, always the same object."""
+        """
+        Return the error to raise after the process has ended.
+
+        All calls return the same object.
+        """
         if self._failure is None:
             # The last line of the process may not be read yet.
             self._reader.join(EXIT_TIMEOUT)
@@ -158,7 +163,7 @@ class BridgeProcess:
 
     def require_participant(self) -> bytes | None:
         """
-        Return the DDS participant of the process; None until the process has printed it.
+        Return the identifier of the child's DDS participant, or None if it is not known yet.
 
         :raises ControlError: if the process has ended
         """
@@ -169,7 +174,7 @@ class BridgeProcess:
         """
         Wait until the bridge is ready.
 
-        :raises ControlError: if the process ends, or is not ready within its time limit
+        :raises ControlError: if the process ends, or is not ready within 20 s
         """
         end = time.monotonic() + START_TIMEOUT
         while not self._ready.wait(0.02):
@@ -178,7 +183,11 @@ class BridgeProcess:
                 raise ControlError(f'{self._name} is not ready after {START_TIMEOUT:g} s')
 
     def end(self) -> None:
-        """End the process: SIGTERM, then SIGKILL after 2 s; no effect if it has ended."""
+        """
+        End the process with SIGTERM, or with SIGKILL if it still runs after 2 s.
+
+        This has no effect if the process has ended already.
+        """
         try:
             self._process.terminate()
             self._process.wait(EXIT_TIMEOUT)
@@ -202,23 +211,25 @@ class BridgeProcess:
             self._last_line = escaped(line.strip(), 1000) or self._last_line
             if READY in line:
                 self._ready.set()
-            if not line.startswith(ERROR_PREFIX):  # the text of ``failure``
-                with contextlib.suppress(OSError):  # a full disk
+            if not line.startswith(ERROR_PREFIX):  # ``failure`` has this text
+                with contextlib.suppress(OSError):  # stderr is a file on a full disk
                     sys.stderr.write(line)
                     sys.stderr.flush()
 
 
 class OwnSimulation:
     """
-    A simulated robot in a child process, and the table of results printed at its end.
+    A simulated robot for one node, in a child process.
 
-    :param profile: the robot that the node drives
+    When the robot ends, a table of results is printed.
+
+    :param profile: the profile of the robot that the node drives
     :param namespace: the ROS namespace of the robot
-    :raises UsageError: if the node does not drive a Kachaka, or if an earlier node of this program
-        still has a simulated robot in the namespace
+    :raises UsageError: if the profile is not a Kachaka, or if an earlier node of the same process
+        still runs a simulated robot in this namespace
     """
 
-    #: the namespaces of the running robots
+    #: the namespaces of all simulated robots that nodes of this process run now
     _running: ClassVar[set[str]] = set()
 
     def __init__(self, profile: RobotProfile, namespace: str) -> None:
@@ -231,18 +242,18 @@ class OwnSimulation:
         self._running.add(namespace)
         self._namespace = namespace
         self._bridge: BridgeProcess | None = BridgeProcess(['--sim', '--namespace', namespace])
-        #: returns the robot's DDS participant, for ``Session.require_robot()``
+        #: returns the identifier of the robot's DDS participant, for ``Session.require_robot()``
         self.require_participant = self._bridge.require_participant
 
     def end(self, drive_log: DriveLog, stop_confirmed_after: float | None) -> None:
         """
-        End the robot, and print a table of the requested, sent and driven motions.
+        End the simulated robot, and print a table of the requested, sent and driven motions.
 
         A second call has no effect.
 
-        :param drive_log: the log of the drive
-        :param stop_confirmed_after: the time from the stop to the standstill in odometry [s]; None
-            if odometry did not show a standstill
+        :param drive_log: the log of the drive, the source of the table
+        :param stop_confirmed_after: the time from the start of the stop to the standstill in
+            odometry [s]; None if odometry did not show a standstill
         """
         bridge, self._bridge = self._bridge, None
         if bridge is None:

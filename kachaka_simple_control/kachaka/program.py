@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Common code of the commands for a Kachaka: its address, options and the program's end."""
+"""Common code of the commands for a Kachaka: the address, the options and the exit code."""
 
 from __future__ import annotations
 
@@ -27,13 +27,15 @@ from kachaka_simple_control.text import escaped, quoted
 
 #: The port of the robot's gRPC service (docs/GRPC.md in pf-robotics/kachaka-api).
 PORT = 26400
-#: The longest address: a host name of 253 characters, brackets and a port.
+#: The largest number of characters in an address: 253 for the host name, 2 for the brackets of an
+#: IPv6 address, 6 for the port with its colon.
 MAX_ADDRESS_LENGTH = 261
-#: With --no-deps, because the version pins of the manufacturer's package downgrade other packages.
+#: The error message has the option --no-deps, because the version pins of the manufacturer's
+#: package would downgrade other packages.
 SDK_MISSING = (
     'the SDK of the robot is missing here ({error}); install it with: '
     "pip install 'kachaka_simple_control[kachaka]' && pip install --no-deps kachaka-api")
-#: The names of all options of a simulated robot.
+#: The names of all command line options of a simulated robot.
 SIMULATION_NAMES = ('docked', 'seed', *(figure.name for figure in fields(SimulationParameters)))
 
 
@@ -52,7 +54,7 @@ class Address:
     @classmethod
     def parse(cls, text: str) -> Address:
         """
-        Return the address from a text.
+        Parse an address.
 
         :param text: ``HOST`` or ``HOST:PORT``; an IPv6 address with a port needs brackets
         :raises ValueError: if the text is not an address; the message has one line
@@ -88,7 +90,11 @@ def _split_address(text: str) -> tuple[str, str]:
 
 
 def address_argument(text: str) -> Address:
-    """Return the address from a command line argument; raise argparse's error if invalid."""
+    """
+    Return the address from a command line argument.
+
+    :raises argparse.ArgumentTypeError: if the argument is not an address
+    """
     try:
         return Address.parse(text)
     except ValueError as error:
@@ -97,7 +103,9 @@ def address_argument(text: str) -> Address:
 
 def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> None:
     """
-    Add the options of a simulated robot; an option that is not given has the value None.
+    Add the command line options of a simulated robot.
+
+    An option that the user does not give has the value None.
 
     :param parser: the parser, or a group of its options
     :param robot: the name of the robot in the help text
@@ -112,14 +120,14 @@ def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> No
 
 
 def add_parent_option(parser: argparse.ArgumentParser) -> None:
-    """Add the option ``--with-parent``: end the program when standard input closes."""
+    """Add the option ``--with-parent``, which ends the program when standard input closes."""
     parser.add_argument(
         '--with-parent', action='store_true', help='end when standard input does')
 
 
 def simulation_words(options: Mapping[str, object]) -> tuple[str, ...]:
     """
-    Return the given options of a simulated robot as command line arguments.
+    Return the options of a simulated robot that the user gave, as command line arguments.
 
     :param options: the values of the parsed options, by name
     """
@@ -131,7 +139,9 @@ def simulation_words(options: Mapping[str, object]) -> tuple[str, ...]:
 def simulation_parameters(
         parser: argparse.ArgumentParser, options: argparse.Namespace) -> SimulationParameters:
     """
-    Return the simulation parameters from the options; end the program if one is invalid.
+    Return the simulation parameters that the options give.
+
+    If a value is invalid, print an error message and end the program, as argparse does.
 
     :param parser: the parser
     :param options: the parsed options
@@ -159,11 +169,13 @@ class ExitError(Exception):
 
 def run_until_shutdown(program: str, body: Callable[[ShutdownEvent], None]) -> int:
     """
-    Run the body of a program; print the text of an ``ExitError`` in one line.
+    Run the main part of a program, and return the exit code.
+
+    If the main part raises an ``ExitError``, print its text in one line on standard error.
 
     :param program: the name of the program
-    :param body: the body, called with an event that a signal sets
-    :returns: the exit code
+    :param body: the main part, called with an event that is set when a signal ends the program
+    :returns: the exit code: 0, or the code of the ``ExitError``
     """
     with ShutdownEvent() as shutdown:
         try:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a Kachaka reports: errors, results of calls, the connection, and their diagnosis."""
+"""Error codes of a Kachaka, results of gRPC calls, the connection state, and diagnostics."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ from kachaka_simple_control.telemetry.diagnosis import Diagnosis, Level
 from kachaka_simple_control.text import escaped
 
 SUCCESS = 0
-#: Codes of the real robot, from pf-robotics/kachaka-api: the first from error_code.hpp of the
-#: bridge, the others from docs/api/ERROR_HANDLING.md.
+#: Error codes of the real robot.  Sources in pf-robotics/kachaka-api: error_code.hpp of the bridge
+#: for the first code, docs/api/ERROR_HANDLING.md for the other two.
 ERROR_NO_MANUAL_CONTROL = 13151
 ERROR_NO_FURNITURE = 14606
 ERROR_PAUSED = 21051
-#: Chosen for the simulated robot: the full list is not published, but has no codes below 0.
+#: Error codes chosen for the simulated robot.  The full list of the real robot's codes is not
+#: published, but it has no codes below 0.
 ERROR_NOT_A_VELOCITY = -1
 ERROR_CANCELLED = -2
 ERROR_STUCK = -3
@@ -40,7 +41,8 @@ ERROR_UNKNOWN_NAME = -4
 ERROR_OUT_OF_RANGE = -5
 ERROR_NOTHING_TO_DO = -6
 
-#: The list of the simulated robot: code, type (with the robot's type names), our own text.
+#: The errors of the simulated robot.  Each entry has the code, the type as the real robot names
+#: it, and a text that was written for this package.
 TEXTS = (
     (ERROR_NO_MANUAL_CONTROL, 'Error', 'A velocity came while manual control is off'),
     (ERROR_NO_FURNITURE, 'Error', 'The robot carries no furniture'),
@@ -53,14 +55,17 @@ TEXTS = (
     (ERROR_NOTHING_TO_DO, 'Ignore', 'There is nothing to cancel or to go on with'),
 )
 
-#: The level of each error type below an error; all other types are errors.
+#: The diagnostic level of the two error types that are not errors.  All other types have the
+#: level ``ERROR``.
 LEVELS = {'Ignore': Level.OK, 'Warn': Level.WARN}
 
 
 @dataclass(frozen=True)
 class ErrorText:
     """
-    The text of an error code; empty if the code is unknown.
+    The title, description and level of an error code.
+
+    Title and description are empty if the code is unknown.
 
     :param title: the name of the error
     :param description: details
@@ -76,19 +81,19 @@ class ErrorTexts:
     """
     The error texts of the robot, by error code.
 
-    :param text: the JSON of GetRobotErrorCodeJson, a list of objects; other text counts as an
-        empty list, because a robot without error texts can still drive
+    :param text: the response of the gRPC call GetRobotErrorCodeJson, a JSON list of objects.
+        Invalid text counts as an empty list, because a robot without error texts can still drive
     """
 
     def __init__(self, text: str = '') -> None:
         self._texts = dict(_entries(text))
 
     def find(self, code: int) -> ErrorText:
-        """Return the text of an error code; empty if the code is unknown."""
+        """Return the text of an error code, or an empty text if the code is unknown."""
         return self._texts.get(code, ErrorText(''))
 
     def describe(self, code: int) -> str:
-        """Return code, title and description of an error in one line, as far as known."""
+        """Return an error as one line: its code, and its title and description if known."""
         known = self.find(code)
         text = '. '.join(filter(None, (known.title, known.description)))
         return f'error {code} ({text})' if text else f'error {code}'
@@ -107,12 +112,13 @@ def _entries(text: str) -> Iterator[tuple[int, ErrorText]]:
 
 
 def _one_line(entry: dict[str, Any], key: str) -> str:
-    """Return the English text if there is one, else the robot's language; in one line."""
+    """Return a text of a JSON entry as one line, in English if the entry has English text."""
     value = entry.get(f'{key}_en') or entry.get(key) or ''
     return escaped(' '.join(str(value).split()).rstrip('.'))
 
 
-#: A response to a velocity is slow after this time [s], half of the command timeout.
+#: A response to a velocity is slow if it takes longer than this time [s].  The time is half of the
+#: command timeout.
 SLOW_RESPONSE = 0.15
 
 
@@ -123,18 +129,18 @@ class RpcFailure(Enum):
     LATE = 'late'
     #: no connection
     GONE = 'gone'
-    #: the robot does not know the call, or failed to execute the call
+    #: the robot responded that it does not know the call, or could not execute it
     FAILED = 'failed'
 
 
 @dataclass(frozen=True)
 class RpcResult:
     """
-    The result of one gRPC call: the robot's error code, or the reason for a missing response.
+    The result of one gRPC call: the code from the robot, or the reason why there is no code.
 
-    :param code: the robot's error code, 0 for success; None without a response
-    :param failure: the reason for a missing response; None with a response
-    :param text: the reason as text for the user
+    :param code: 0 for success, else the robot's error code; None if the call failed
+    :param failure: the reason why the call failed; None if there is a code
+    :param text: the same reason as text for the user
     """
 
     code: int | None = None
@@ -143,7 +149,7 @@ class RpcResult:
 
     @property
     def is_success(self) -> bool:
-        """Return whether the robot executed the call."""
+        """Return whether the robot executed the call without an error."""
         return self.code == SUCCESS
 
     @property
@@ -161,7 +167,7 @@ class ConnectionEvent(Enum):
 
 
 class ConnectionState:
-    """The state of the connection to the robot, computed from the results of calls."""
+    """The state of the connection to the robot, computed from the results of gRPC calls."""
 
     def __init__(self) -> None:
         self.is_up = False
@@ -176,11 +182,12 @@ class ConnectionState:
 
     def on_result(self, result: RpcResult, begun: float, now: float) -> ConnectionEvent | None:
         """
-        Update the state with a call; return the change, None if there is none.
+        Update the state with the result of a call, and return the change of the connection.
 
         :param result: the result of the call
         :param begun: the start time of the call [s, steady clock]
         :param now: the time [s, steady clock]
+        :returns: the change; None if the connection has not changed
         """
         if result.got_response:
             self._failing_since, self._last_response = None, now
@@ -208,7 +215,7 @@ def connection_status(
     :param connection: the state of the connection
     :param address: the address of the robot
     :param round_trip: the duration of the last velocity call [s]; NaN if there was none
-    :param dropped: the number of velocities that were replaced by newer ones or too old
+    :param dropped: the number of velocities that were dropped before they were sent
     :param now: the time [s, steady clock]
     """
     values = {'address': address, 'times lost': str(connection.losses),
@@ -227,10 +234,10 @@ def connection_status(
 def robot_status(
         connection: ConnectionState, codes: Sequence[int], texts: ErrorTexts) -> Diagnosis:
     """
-    Return the diagnosis of the robot: the errors that it reports.
+    Return the diagnosis of the errors that the robot reports.
 
-    :param connection: the state of the connection; if it is lost, the diagnosis is unknown
-    :param codes: the error codes
+    :param connection: the state of the connection; if it is lost, the errors are unknown
+    :param codes: the codes of the robot's current errors
     :param texts: the texts of the error codes
     """
     if not connection.is_up:

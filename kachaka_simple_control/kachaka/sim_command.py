@@ -39,16 +39,16 @@ from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.text import escaped, quoted
 
 PROGRAM = 'kachaka_sim'
-#: The signal that presses the power button: ``kill -USR1`` and the process id.
+#: The signal that presses the simulated robot's power button: ``kill -USR1 PROCESS_ID``.
 POWER_BUTTON_SIGNAL = signal.SIGUSR1
 
 
 @contextlib.contextmanager
 def power_button(press: Callable[[], None]) -> Iterator[None]:
     """
-    Call a function at each power button signal during a ``with`` block.
+    Call a function for each power button signal that is received during a ``with`` block.
 
-    The signal must be blocked in all threads.
+    ``POWER_BUTTON_SIGNAL`` must be blocked in all threads, so that ``sigwait()`` receives it.
 
     :param press: the function, called in a separate thread
     """
@@ -64,20 +64,20 @@ def power_button(press: Callable[[], None]) -> Iterator[None]:
         yield
     finally:
         is_over.set()
-        # Send the signal to the process: sigwait() receives it in the waiting thread.
+        # Wake the waiting thread: its sigwait() receives this signal.
         os.kill(os.getpid(), POWER_BUTTON_SIGNAL)
         thread.join()
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Run the simulated robot until a signal is received.
+    Run the simulated robot until a signal ends the program.
 
     :param args: the arguments without the program's name; default: the command line
     :returns: the exit code
     """
-    # Block the signal before the first thread starts, and do not handle it: ShutdownEvent ends the
-    # program at each handled signal.
+    # Block the signal before the first thread starts, so that all threads block it.  Do not set a
+    # handler for it, because ShutdownEvent ends the program at each handled signal.
     signal.pthread_sigmask(signal.SIG_BLOCK, {POWER_BUTTON_SIGNAL})
     return run_until_shutdown(
         PROGRAM, lambda shutdown: _run(sys.argv[1:] if args is None else args, shutdown))
