@@ -149,7 +149,10 @@ def task_from_request(
     if isinstance(actions, int):
         return actions
     if request.HasField('lock_on_end'):
-        actions = (*actions, StandStill(request.lock_on_end.duration_sec, can_be_ended=True))
+        locked = _lock(request.lock_on_end, state)
+        if isinstance(locked, int):
+            return locked
+        actions = (*actions, *locked)
     return Task(
         identity, actions,
         ends_docked=name in {'return_home_command', 'move_to_location_command'},
@@ -172,7 +175,7 @@ def _move_to_pose(command: Any, state: SimulatorState) -> tuple[Action, ...]:
 
 
 def _lock(command: Any, state: SimulatorState) -> tuple[Action, ...] | int:
-    if command.duration_sec < 0.0:
+    if not 0.0 <= command.duration_sec < math.inf:
         return ERROR_OUT_OF_RANGE
     return (StandStill(command.duration_sec, can_be_ended=True),)
 

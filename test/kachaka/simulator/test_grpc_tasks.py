@@ -133,6 +133,14 @@ def test_a_command_may_end_in_a_lock(robot):
     assert robot.get('GetCommandState').state == pb2.COMMAND_STATE_PENDING
 
 
+@pytest.mark.parametrize('duration', [-1.0, math.nan, math.inf])
+def test_a_lock_at_the_end_has_the_same_bounds_as_any(robot, duration):
+    """One of NaN seconds would never let the robot's time pass."""
+    answer = start(robot, FORWARD, lock_on_end=pb2.LockOnEnd(duration_sec=duration))
+    assert (answer.result.success, answer.result.error_code) == (False, ERROR_OUT_OF_RANGE)
+    robot.pass_time(10.0)
+
+
 def test_commands_and_manual_control_end_each_other(robot):
     """The last one has the robot."""
     robot.enable()
