@@ -35,11 +35,7 @@ from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import MAX_LATENESS
-from kachaka_simple_control.errors import (
-    MotionRefusedError,
-    MotionRunningError,
-    UsageError,
-)
+from kachaka_simple_control.errors import MotionRefusedError, MotionRunningError, UsageError
 from kachaka_simple_control.kachaka.bridge_process import OwnSimulation
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import DriveOrder, Plan

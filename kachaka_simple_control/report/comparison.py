@@ -155,6 +155,8 @@ def _drive_end(name: str, data: dict[str, Any]) -> DriveEnd:
     error, timing = End(x, y, math.remainder(heading, math.tau)), data['timing']
     paths = {str(line): [(_finite(x), _finite(y)) for x, y in points]
              for line, points in data['path'].items()}
+    if not (paths['planned'] and paths['odometry']):
+        raise ValueError('a path is empty')
     return DriveEnd(name, tuple(str(motion['name']) for motion in data['motions']), planned,
                     error, int(timing['late']) + int(timing['lost']), paths)
 

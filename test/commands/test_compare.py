@@ -113,7 +113,8 @@ def test_what_cannot_be_compared_is_refused_in_one_line(reports, run, tmp_path):
     {'path': 7}, {'path': {'planned': [[1]]}}, {'path': {'planned': [[None, 'x']]}}, {'end': None},
     {'end': {'planned': {'x_m': 'x'}, 'odometry': {}}}, {'timing': {}}, {'verdict': []},
     {'motions': [None]}, {'timing': {'late': 'a', 'lost': 1}},
-    {'path': {'planned': [[float('nan'), 0.0]]}}])
+    {'path': {'planned': [[float('nan'), 0.0]]}}, {'path': {}},
+    {'path': {'planned': [[0.0, 0.0]]}}, {'path': {'planned': [[0.0, 0.0]], 'odometry': []}}])
 def test_a_report_that_was_edited_is_refused_in_one_line(reports, run, tmp_path, change):
     reports('a')
     data = json.loads((tmp_path / 'a' / 'run.json').read_text())
