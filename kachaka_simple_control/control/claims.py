@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Claims on a robot: only one program drives it, on one machine and across several machines."""
+"""Claims on a robot, so that only one program drives it, on one machine or on several."""
 
 from __future__ import annotations
 
@@ -35,26 +35,26 @@ from kachaka_simple_control.control.timing import (
     GUARDIAN_LEAVE_TIMEOUT,
 )
 
-#: The format of the result of ``SO_PEERCRED``: process, user and group.
+#: The binary format of the result of ``SO_PEERCRED``: the numbers of process, user and group.
 CREDENTIALS = struct.Struct('3i')
-#: Longest description of a holder that is read [bytes].
+#: The longest description of the holder of a claim that is read [bytes].
 MAX_DESCRIPTION_BYTES = 1000
-#: The largest number of claims that are kept: the network may deliver any number.
+#: The largest number of claims that are kept in memory.  The network may deliver more.
 MAX_CLAIMS = 64
 #: A longer text from the network is cut to this length [characters].
 MAX_TEXT_LENGTH = 200
 #: The states of a claim.  RELEASED: the program does not claim the robot.  WANTED: the program
-#: wants the robot, and takes it if no other claim blocks this.  HELD: the program has taken the
+#: requests the robot, and gets it if no other claim prevents this.  HELD: the program has the
 #: robot, and keeps it until the program ends.
 RELEASED, WANTED, HELD = 'nothing', 'wanted', 'held'
 
 
 class ClaimedError(Exception):
     """
-    A claim cannot be taken, because it is held; the message names the holder and the start time.
+    A claim cannot be taken, because somebody holds it already.
 
-    :param holder: the message
-    :param is_own: whether the holder is in this process
+    :param holder: the message: a description of the holder, and when it took the claim if known
+    :param is_own: whether the holder is another node in this process
     """
 
     def __init__(self, holder: str, is_own: bool) -> None:
@@ -64,7 +64,7 @@ class ClaimedError(Exception):
 
 class MachineClaim:
     """
-    The claim on one name on this machine: an abstract Unix socket bound to the name.
+    The claim on one robot on this machine: an abstract Unix socket that is bound to a name.
 
     The kernel gives a name to one socket at a time.  It frees the name when every process that
     has the socket open has ended, normally or not.  The guardian inherits the socket: if the
@@ -78,18 +78,20 @@ class MachineClaim:
         os.register_at_fork(after_in_child=self._socket.close)
 
     def fileno(self) -> int:
-        """Return the socket's descriptor; a child process that inherits it keeps the claim."""
+        """Return the file descriptor; a child process that inherits it keeps the claim."""
         return self._socket.fileno()
 
     def take(self, name: str, who: str) -> None:
         """
         Take the claim, unless this object holds it already.
 
-        If the holder has ended, wait up to GUARDIAN_LEAVE_TIMEOUT until its guardian ends.
+        If the program that holds the claim has ended, its guardian may still stop the robot.  Then
+        wait up to GUARDIAN_LEAVE_TIMEOUT until this guardian ends.
 
-        :param name: the name to claim
-        :param who: the description of this program that others read: one line, at most 1000 bytes
-        :raises ClaimedError: if another program holds the claim
+        :param name: the name that stands for the robot; it is the same in all programs
+        :param who: the description of this program that other programs show to their users: one
+            line, at most 1000 bytes
+        :raises ClaimedError: if another program or another node of this program holds the claim
         """
         if self._is_held or not sys.platform.startswith('linux'):
             return
@@ -130,7 +132,7 @@ def _address(name: str) -> bytes:
 
 def _holder(address: bytes) -> tuple[str, int, bool]:
     """
-    Return the description of the holder of a claim, its process number, and whether it answers.
+    Return the holder of a claim: its description, its process number, and whether it answers.
 
     The process number is 0 if the holder runs in a container with its own process numbers.  It is
     -1 if the holder does not listen yet, or has just ended.
@@ -164,11 +166,11 @@ def _serve(server: socket.socket, who: str) -> None:
 @dataclass(frozen=True)
 class Claim:
     """
-    The claim that one program publishes.
+    A program's claim on a robot, as the program publishes it.
 
     :param participant: the DDS participant of the program, in hexadecimal digits
     :param state: RELEASED, WANTED or HELD
-    :param who: the description of the program, with the time since when it has the claim
+    :param who: the description of the program, and since when it claims the robot
     """
 
     participant: str
@@ -196,14 +198,14 @@ class Claim:
 
 class Claims:
     """
-    The claims received from other programs.
+    The claims that were received from other programs during the last CLAIM_TIMEOUT.
 
     :param participant: the DDS participant of this program, in hexadecimal digits
     """
 
     def __init__(self, participant: str) -> None:
         self._participant = participant
-        #: for each participant the time of reception [s] and the claim; the oldest first
+        #: the time of reception [s] and the claim, by participant; the oldest claim is first
         self._received: dict[str, tuple[float, Claim]] = {}
 
     def on_claim(self, claim: Claim, now: float) -> None:
@@ -216,12 +218,15 @@ class Claims:
             self._received.pop(next(iter(self._received)))
 
     def holder(self, now: float) -> Claim | None:
-        """Return the claim of another program that holds the robot; None if there is none."""
+        """Return the claim of another program in the state HELD; None if there is none."""
         return next((claim for claim in self._current(now) if claim.state == HELD), None)
 
     def blocking_claim(self, now: float) -> Claim | None:
         """
-        Return the claim that prevents this program from taking the robot.
+        Return the claim of another program that prevents this program from getting the robot.
+
+        If several programs want the robot, the one whose participant is first in alphabetical
+        order gets it.
 
         :returns: a claim in the state HELD; otherwise a claim in the state WANTED with a lower
             participant than this program's; otherwise None

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Close several robots at the same time, also while Python ends."""
+"""Close several robots at the same time, even while the Python interpreter shuts down."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ Close = Callable[[], None]
 
 class Closers:
     """
-    Calls several functions that close something, all at the same time.
+    Calls several close functions at the same time.
 
-    Each function has a thread that waits from the beginning: from Python 3.12 on, no thread can be
-    started while the program ends.
+    ``add`` starts a thread for each function, and the thread waits until it is needed.  The
+    reason: from Python 3.12 on, no thread can start while the program ends.
     """
 
     def __init__(self) -> None:
@@ -36,10 +36,10 @@ class Closers:
 
     def add(self, close: Close, group: object) -> None:
         """
-        Add a function.
+        Add a close function.
 
-        :param close: closes something; it may be called more than once, and from any thread
-        :param group: what the thing belongs to, for ``close_all``
+        :param close: the function; it may be called more than once, and from any thread
+        :param group: an object by which ``close_all`` selects functions, for example a ROS context
         """
         closer = _Closer(close, group)
         with contextlib.suppress(RuntimeError):  # the program ends already: no thread can start
@@ -47,14 +47,14 @@ class Closers:
             self._closers[close] = closer
 
     def remove(self, close: Close) -> None:
-        """Remove a function: the thing was closed in another way."""
+        """Remove a function without a call, because its work was done in another way."""
         closer = self._closers.pop(close, None)
         if closer is not None:
             closer.is_wanted.put(False)
 
     def close_all(self, group: object | None = None) -> None:
         """
-        Call all functions at the same time, and return when the last one has returned.
+        Call all functions at the same time, and wait until all have returned.
 
         :param group: call only the functions of this group; None for all functions
         """
@@ -73,15 +73,15 @@ class Closers:
 
 
 class _Closer(threading.Thread):
-    """A thread that waits until it may close something, or may end without it."""
+    """A thread that waits, and then either calls a close function or ends without the call."""
 
     def __init__(self, close: Close, group: object) -> None:
         super().__init__(name='closer', daemon=True)
         self.close, self.group = close, group
-        #: gets whether to close the thing
+        #: receives one value: True to call the close function, False to end without the call
         self.is_wanted: SimpleQueue[bool] = SimpleQueue()
 
     def run(self) -> None:
-        """Wait, then close the thing if that is still wanted."""
+        """Wait for a value in ``is_wanted``, and call the close function if the value is True."""
         if self.is_wanted.get():
             self.close()

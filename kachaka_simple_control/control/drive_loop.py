@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The loop of the thread that drives: it sleeps until the next deadline, or until it is woken.
+The loop of the thread that drives one or more robots.
 
-During a drive Python's garbage collector does not search old objects.
+The loop sleeps until the next velocity or check is due, or until another thread wakes it.  During
+a drive, Python's garbage collector does not search the objects that existed before the drive.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ import time
 from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.errors import control_error
 
-#: The largest descriptor that ``select`` takes, plus one.
+#: ``select`` accepts only file descriptors below this number.
 FD_SETSIZE = 1024
 
 
@@ -40,8 +41,8 @@ class Sleeper:
     """
     Sleeps for a time; another thread can end the sleep early.
 
-    It uses ``select``, not a lock of Python: before Python 3.11 the timeout of a lock depends on
-    the wall clock.
+    The class uses ``select`` and not a Python lock, because before Python 3.11 the timeout of a
+    lock depends on the wall clock.
     """
 
     def __init__(self) -> None:
@@ -78,11 +79,13 @@ class DriveLoop:
     """
     Drives one or more robots in the thread that calls ``run``.
 
-    The loop does not poll.  Each drive returns the latest time of its next call, and ``wake`` ends
-    a sleep.  No stop waits for this thread: the thread that requests a stop sends the first zero.
+    The loop does not poll.  Each drive returns the time when it must be called next, and the loop
+    sleeps until then.  ``wake`` ends this sleep.  A stop does not wait for this thread: the thread
+    that requests the stop sends the first zero velocity.
 
     :param clock: the steady clock [s]
-    :param sleep: sleeps for a time [s]; None: use a ``Sleeper``, which ``wake`` ends early
+    :param sleep: sleeps for a time [s]; None to use a ``Sleeper``, which ``wake`` ends
+        early
     """
 
     def __init__(
@@ -94,7 +97,11 @@ class DriveLoop:
         self._woken: deque[RobotDrive] = deque()
 
     def wake(self, drive: RobotDrive) -> None:
-        """Make ``run`` call a drive at once, after a change; any thread may call this."""
+        """
+        Make ``run`` call a drive at once, because the state of the drive has changed.
+
+        Any thread may call this.
+        """
         self._woken.append(drive)
         self._sleeper.wake()
 
@@ -104,10 +111,10 @@ class DriveLoop:
         """
         Drive robots whose runs have begun, until all runs have ended.
 
-        If an error ends the loop or one of several drives, each affected robot gets one zero at
-        once.  The caller has to send the whole stop.
+        If there are several drives and an error ends one or all of them, each affected robot gets
+        one zero velocity at once.  After this the caller has to send the complete stop.
 
-        :param drives: the drives
+        :param drives: the drives, one for each robot
         :param on_failure: called in this thread with a drive and the error that ended it; the
             other drives continue.  None: an error ends all drives
         :raises ControlError: if a run could not continue and ``on_failure`` is None
@@ -145,7 +152,7 @@ class DriveLoop:
     def _call_woken(
             self, drives: Sequence[RobotDrive], following: dict[int, float],
             heap: list[tuple[float, int]]) -> None:
-        """Schedule each woken drive to be called next."""
+        """Schedule each drive that was passed to ``wake``, so that it is called next."""
         while self._woken:
             drive = self._woken.popleft()
             for number in following:

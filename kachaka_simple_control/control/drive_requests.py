@@ -12,9 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Accept or refuse requests: one drive at a time, a resume only if confirmed, none during a stop.
+Accept or refuse requests to drive and to resume a drive.
 
-A stop cancels a drive at any time after the call that requests the drive.
+Only one drive is accepted at a time.  After a warning, a resume must be confirmed by a second
+request.  Requests that come at the same time as a stop are refused.  A stop cancels a drive at any
+time after the call that requests the drive.
 """
 
 from __future__ import annotations
@@ -36,13 +38,14 @@ from kachaka_simple_control.errors import ControlError, MotionRefusedError, Moti
 @dataclass
 class DriveRequest:
     """
-    One drive, from the call that requests it to its end.
+    The state of one drive, from the call that requests the drive until its end.
 
     :param run: the run of the drive; a stop cancels it, even before the drive has begun
     :param thread: the thread that requested the drive
-    :param ended: when the drive was complete [s on the clock]; None before, or if it ended early
+    :param ended: when the drive was complete [s on the clock]; None before that time, or if the
+        drive ended early
     :param stopped_by: the error of a stop by another thread, during the drive or right after it;
-        None without such a stop
+        None if there was no such stop
     """
 
     run: Run
@@ -55,10 +58,11 @@ class DriveRequests:
     """
     Accepts one drive at a time.
 
-    If one thread requests a second movement within one period after the first, both count as one
-    run for a stop: a stop by another thread between the two also refuses the second movement.
+    If a thread requests its next movement within one period after the end of a movement, a stop
+    treats both movements as one.  So if another thread stops the robot between the two, the second
+    movement is refused as well.
 
-    :param gate: the velocity gate, which prepares the runs
+    :param gate: the velocity gate, which creates the runs
     :param period: time between two messages of a run [s]
     :param clock: the steady clock [s]
     """
@@ -110,7 +114,7 @@ class DriveRequests:
         """
         Record a stop; call this before the gate cancels the run.
 
-        :param reason: the error that refuses a movement right after the stop
+        :param reason: the error that is raised for a movement right after the stop
         """
         newest = self._newest
         # A thread that stops its own drive may drive again.
@@ -124,12 +128,13 @@ class DriveRequests:
 
 class ResumeConfirmation:
     """
-    Decides whether a request to resume confirms an earlier request that got a warning.
+    Decides whether a request to resume confirms an earlier one that was refused with a warning.
 
     A request confirms the newest warning if it comes within RESUME_CONFIRM_TIMEOUT after the
-    warning, and if no request came for RESUME_QUIET_TIME before it.  So a key that repeats, or
-    several clients at the same time, confirm nothing.  Each warning can be confirmed only once.
-    Any thread may call the methods.
+    warning, and if no other request came during RESUME_QUIET_TIME before it.  So the requests of a
+    key that is held down, or of several clients at the same time, confirm nothing.  Each warning
+    can be confirmed only once.  Any thread may call the methods.
+
     :param clock: the steady clock [s]
     """
 
@@ -159,8 +164,9 @@ class StopRequests:
     """
     Refuses requests that start a motion within a short time after a request to stop.
 
-    The node may serve two requests of one client in either order.  A client may send a request to
-    drive and then a request to stop: the drive must not start after the stop.
+    A client may send a request to drive and directly after it a request to stop.  The node may
+    process these two requests in the opposite order.  The drive must not start in this case.
+
     :param clock: the steady clock [s]
     """
 
@@ -176,7 +182,7 @@ class StopRequests:
         """
         Check that no stop was requested within the last STOP_REQUEST_WINDOW.
 
-        :raises MotionRefusedError: if one was requested
+        :raises MotionRefusedError: if a stop was requested in this time
         """
         if self._clock() - self._newest < STOP_REQUEST_WINDOW:
             raise MotionRefusedError('a stop came at the same time: call again')

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The events of a drive: readers such as logs and displays receive them in order of time."""
+"""The events of a drive, which subscribers such as logs and displays receive in order of time."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from kachaka_simple_control.motion.steps import Motion
 @dataclass(frozen=True)
 class SessionStarted:
     """
-    A program started; this is the first event.
+    A program has started to use a robot; this is the first event.
 
     :param title: name of the motion
     :param robot: name of the robot
     :param limits: the limits of velocity and acceleration of the robot
-    :param command_timeout: how long the robot keeps a velocity without a new one [s]
-    :param epoch: offset from the steady clock to the time since 1970 [s]
+    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
+    :param epoch: the time since 1970 minus the time on the steady clock [s]
     :param velocity_topic: the resolved name of the topic of velocities
-    :param odometry_topic: the resolved name of the topic of odometry; None without one
+    :param odometry_topic: the resolved name of the topic of odometry; None without odometry
     :param message_type: the type of velocity messages: Twist or TwistStamped
     :param frame: the frame in the header of a TwistStamped
     :param footprint: the outline of the robot; None if it is unknown
@@ -45,7 +45,8 @@ class SessionStarted:
     :param command: the command line; empty if there was none
     :param motion_source: the file of the motion; empty if the motion is not from a file
     :param motion_text: the text of that file; None if the motion is not from a file
-    :param movement_count: how many motions will follow, one for each call; None if unknown
+    :param movement_count: the number of motions that follow: in the lesson, each call of
+        ``move_robot`` is one motion; None if unknown
     :param has_keys: whether keys at the terminal can pause, slow down and stop the robot
     """
 
@@ -91,10 +92,11 @@ class MotionPlanned:
 @dataclass(frozen=True)
 class MotionStarted:
     """
-    A run begins; its first velocity follows this event.
+    A run begins; the first velocity of the run follows this event.
 
     :param time: t = 0 of the run [s on the steady clock]
-    :param has_plan: True if the run drives the motion planned last; False if it has no plan
+    :param has_plan: True if the run drives the motion of the newest ``MotionPlanned`` event; False
+        if the run has no plan
     """
 
     time: float
@@ -110,11 +112,11 @@ class VelocityKind(Enum):
     CORRECTION = 'correction'
     #: a velocity that a caller commands directly, without a plan
     HAND = 'hand'
-    #: a zero before a run, so that the publisher and the robot's reader are matched
+    #: a zero velocity before a run, so that the publisher and the robot's reader are matched
     PRIME = 'prime'
-    #: a zero of a stop
+    #: a zero velocity of a stop
     STOP = 'stop'
-    #: the first zero of the guardian's stop
+    #: the first zero velocity of a stop by the guardian, a separate process
     GUARDIAN = 'guardian'
 
 
@@ -130,11 +132,12 @@ class VelocitySent:
     :param time: when it was published [s on the steady clock]
     :param velocity: the velocity in the message
     :param kind: the purpose of the velocity
-    :param due: when it was due [s after t = 0 of its run]; None if no run sent it
-    :param plan_time: the position on the plan at that time [s of the plan]; None without a plan
-    :param skipped: how many velocities just before it were not sent, because they were too late
-    :param expected: how the robot really moves at this command, according to its calibration;
-        None: as the velocity says
+    :param due: when the velocity was due [s after t = 0 of the run]; None if no run sent it
+    :param plan_time: the time in the plan to which the velocity belongs [s]; None without a plan
+    :param skipped: how many velocities directly before this one were left out, because they were
+        too late
+    :param expected: the velocity at which the robot really moves after this message, according to
+        its calibration; None if this is ``velocity``
     """
 
     time: float
@@ -147,19 +150,23 @@ class VelocitySent:
 
     @property
     def is_delayed(self) -> bool:
-        """Return whether the plan time differs from the due time, because of a speed factor."""
+        """Return whether ``plan_time`` differs from ``due``, because of a speed factor below 1."""
         return self.plan_time != self.due
 
     @property
     def is_of_run(self) -> bool:
-        """Return whether a run sent the velocity; False for a zero of a stop or before a run."""
+        """
+        Return whether a run sent the velocity.
+
+        The value is False for the zero velocities of a stop and before a run.
+        """
         return self.kind in RUN_KINDS
 
 
 @dataclass(frozen=True)
 class StopBegan:
     """
-    A stop begins; its zeros follow this event.
+    A stop begins; the zero velocities of the stop follow this event.
 
     :param time: when the stop begins [s on the steady clock]
     """
@@ -170,9 +177,9 @@ class StopBegan:
 @dataclass(frozen=True)
 class StopConfirmed:
     """
-    A stop was sent completely, and odometry, if available, shows no motion.
+    A stop was sent completely, and odometry, if the robot has it, shows no motion.
 
-    :param time: when both were true [s on the steady clock]
+    :param time: when both conditions were true [s on the steady clock]
     """
 
     time: float
@@ -215,10 +222,10 @@ class OdometryReceived:
 @dataclass(frozen=True)
 class MotionEnded:
     """
-    The motion planned last is over.
+    The motion of the newest ``MotionPlanned`` event has ended.
 
-    :param time: when the program found this [s on the steady clock]; after a complete motion, the
-        last zero was sent just before this time
+    :param time: when the program detected this [s on the steady clock]; a complete motion ends
+        with a zero velocity, which was sent just before this time
     :param reason: why the motion ended early; None if it was complete
     :param is_fault: True if an error ended the motion; False if somebody requested its end
     """
@@ -231,12 +238,14 @@ class MotionEnded:
 @dataclass(frozen=True)
 class SessionEnded:
     """
-    The program stopped and released the robot; the last event, missing if the program was killed.
+    The program has stopped and released the robot.
+
+    This is the last event.  It is missing if the program was killed.
 
     :param time: when the robot was released [s on the steady clock]
     :param stop_confirmed_after: time from the start of the stop until odometry showed standstill
         [s]; None if odometry did not show standstill
-    :param signal: the signal that ended the program; None without one
+    :param signal: the signal that ended the program; None if no signal ended it
     :param error: why the program failed, in one line; None if it did not fail
     """
 

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The node's side of the guardian, a separate process that stops robots if the node cannot.
+The node's interface to the guardian, a separate process that stops robots if the node cannot.
 
-One process guards all robots of a ROS context.  Both processes share a piece of memory, with a
-slot for each robot.
+One guardian process guards all robots of a ROS context.  The node and the guardian share some
+memory.  Each robot has its own part of this memory, called its slot.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from kachaka_simple_control.control.timing import GUARDIAN_EXIT_TIMEOUT, GUARDIA
 from kachaka_simple_control.control.watchdog import GuardianMessage, GuardianWatch
 from kachaka_simple_control.errors import HELD_UP_ADVICE, RunFaultError, UsageError
 
-#: How long the guardian may take to read the description of a robot if its socket is full, after
-#: 200 robots [s]: while it starts, it reads nothing.
+#: How long the node waits for space in the guardian's socket when it adds a robot [s].  The
+#: socket is full after 200 robots, and the guardian reads nothing while it starts.
 ADD_TIMEOUT = 5.0
 
 
@@ -45,7 +45,7 @@ class SharedByte:
     """
     A byte in memory that two processes can share; reads and writes are atomic.
 
-    :param memory: one writable byte, 0 at the start; None: use memory of this process only
+    :param memory: one writable byte, 0 at the start; None to use memory of this process only
     """
 
     def __init__(self, memory: bytearray | memoryview | None = None) -> None:
@@ -59,9 +59,10 @@ class SharedByte:
 
 class Latch(SharedByte):
     """
-    Blocks all motion after it is set; it cannot be reset.
+    A flag that blocks all motion of a node after it is set; it cannot be reset.
 
-    :param memory: ``Latch.SIZE`` writable bytes, 0 at the start; None: use memory of this process
+    :param memory: ``Latch.SIZE`` writable bytes, 0 at the start; None to use memory of this
+        process only
     """
 
     #: size in memory [bytes]: one byte that is 1 if the latch is set, and the time of the
@@ -73,7 +74,7 @@ class Latch(SharedByte):
 
     def trip(self, stop_time: float = 0.0) -> None:
         """
-        Set the latch.
+        Set the latch, so that all later motion of the node is blocked.
 
         :param stop_time: when the guardian's stop begins [s on the steady clock, above 0]; 0 for
             a stop of the node itself
@@ -85,7 +86,7 @@ class Latch(SharedByte):
 
     @property
     def guardian_stop_time(self) -> float | None:
-        """Return when the guardian's stop began [s on the steady clock]; None without one."""
+        """Return the start time of the guardian's stop [s on the steady clock]; None if none."""
         if not self.is_set:
             return None
         stop_time, = struct.unpack_from('d', self._memory, 1)
@@ -109,7 +110,7 @@ class RobotSlot:
     The part of the shared memory that belongs to one robot.
 
     :param memory: ``RobotSlot.SIZE`` writable bytes
-    :ivar latch: set before the first zero of the guardian's stop
+    :ivar latch: the guardian sets it before the first zero velocity of a stop
     :ivar sending: set while the node waits in a DDS call
     """
 
@@ -123,7 +124,7 @@ class RobotSlot:
 
     @property
     def heartbeat(self) -> float:
-        """Return when the node wrote its newest heartbeat [s]."""
+        """Return the time of the newest heartbeat that the node wrote [s since boot]."""
         time, = struct.unpack_from('d', self._memory)
         return float(time)
 
@@ -132,7 +133,7 @@ class RobotSlot:
         struct.pack_into('d', self._memory, 0, time)
 
     def clear(self) -> None:
-        """Reset all values for another robot."""
+        """Set all values to 0, so that another robot can use this part of the memory."""
         self._memory[:] = bytes(self.SIZE)
 
 
@@ -143,7 +144,8 @@ class GuardianMemory:
     :param file: the descriptor of a file of ``GuardianMemory.SIZE`` bytes
     """
 
-    #: the slots of all robots: 1 to MAX_ROBOTS; slot 0 holds the values of the guardian itself
+    #: the largest number of robots; they use the slots 1 to MAX_ROBOTS, and slot 0 holds the
+    #: values of the guardian itself
     MAX_ROBOTS = 255
     #: size in memory [bytes]
     SIZE = (1 + MAX_ROBOTS) * RobotSlot.SIZE
@@ -153,7 +155,7 @@ class GuardianMemory:
 
     @property
     def check_count(self) -> int:
-        """Return how often the guardian has checked all heartbeats; after 255 comes 0."""
+        """Return how often the guardian has checked all heartbeats, counted modulo 256."""
         return self._memory[0]
 
     def count_check(self) -> None:
@@ -161,7 +163,7 @@ class GuardianMemory:
         self._memory[0] = (self._memory[0] + 1) % 256
 
     def slot(self, number: int) -> RobotSlot:
-        """Return the slot of one robot."""
+        """Return the part of the memory that belongs to one robot, by its number."""
         start = number * RobotSlot.SIZE
         return RobotSlot(self._memory[start:start + RobotSlot.SIZE])
 
@@ -179,7 +181,7 @@ class NullGuardian:
         self.prime_count = 0
 
     def prime(self) -> None:
-        """Increment ``prime_count`` as if the guardian had published a zero."""
+        """Increment ``prime_count`` as if the guardian had published a zero velocity."""
         self.prime_count += 1
 
     def heartbeat(self) -> None:
@@ -197,25 +199,25 @@ class NullGuardian:
 
 class Guardian:
     """
-    The guardian of one robot, as its node sees it.
+    The node's interface to the guardian, for one robot.
 
     If the node ends, or its heartbeats stop, before it has reported a complete stop, the guardian
-    sets the latch and stops the robot.
+    stops the robot.  It also sets the latch, which blocks all later motion of the node.
 
     :param process: the process of the guardian
-    :param number: the slot of the robot
+    :param number: the number of the robot's slot in the shared memory
     :param slot: the memory that both processes share for this robot
     """
 
     def __init__(self, process: GuardianProcess, number: int, slot: RobotSlot) -> None:
         self._process, self._slot = process, slot
-        #: the slot of the robot
+        #: the number of the robot's slot in the shared memory
         self.number = number
         self._watch = GuardianWatch()
         #: whether the guardian knows that a run is under way, and reads heartbeats from the memory
         self._is_watching = False
         self.latch, self.sending = slot.latch, slot.sending
-        #: number of zeros that the guardian has published on request
+        #: number of zero velocities that the guardian has published on request
         self.prime_count = 0
         #: whether the guardian's publisher has matched a subscriber
         self.is_matched = False
@@ -226,13 +228,13 @@ class Guardian:
 
     @property
     def participants(self) -> set[bytes]:
-        """Return the DDS participants of the guardian; it may have joined the graph again."""
+        """Return the DDS participants of the guardian; several if it joined the graph again."""
         return self._process.participants
 
     @property
     def shared_memory(self) -> tuple[int, int] | None:
         """
-        Return the descriptor of the shared memory, and the slot of this robot.
+        Return the file descriptor of the shared memory, and the slot number of this robot.
 
         Another process can read the time of the guardian's stop there.  The value is None after
         the guardian has ended.
@@ -242,7 +244,7 @@ class Guardian:
 
     def prime(self) -> None:
         """
-        Ask the guardian to publish one zero.
+        Ask the guardian to publish one zero velocity.
 
         :raises RunFaultError: if the guardian has ended
         """
@@ -250,7 +252,7 @@ class Guardian:
 
     def heartbeat(self) -> None:
         """
-        Report during a run that the thread that drives works.
+        Report during a run that the thread which sends velocities still works.
 
         :raises RunFaultError: if the guardian has ended or is frozen
         """
@@ -266,16 +268,16 @@ class Guardian:
             self._process.send(self, GuardianMessage.HEARTBEAT)
 
     def report_stopping(self) -> None:
-        """Report that the run is over and that zeros of its stop follow."""
+        """Report to the guardian that the run is over, and that zero velocities follow."""
         self._report(GuardianMessage.STOPPING)
 
     def report_stopped(self) -> None:
-        """Report that the complete stop was sent."""
+        """Report to the guardian that the complete stop was sent."""
         self._report(GuardianMessage.STOPPED)
 
     def shutdown(self) -> None:
         """
-        Return when the guardian can no longer send to the robot.
+        End the guardian's work for the robot, and wait until it can no longer send to the robot.
 
         If no complete stop was reported after a run, the guardian first stops the robot.
         """
@@ -285,8 +287,9 @@ class Guardian:
         """
         Process a line that the guardian has printed about this robot.
 
-        :param word: ``primed``, ``matched``, ``stopped`` or ``left``
-        :param value: for ``stopped`` the reason
+        :param word: ``primed`` (a zero velocity was published on request), ``matched`` (the robot
+            subscribes), ``stopped`` (the robot was stopped) or ``left`` (nothing more is sent)
+        :param value: the reason of the stop if the word is ``stopped``
         """
         if word == 'primed':
             self.prime_count += 1
@@ -309,10 +312,11 @@ class GuardianProcess:
     Starts the guardian's program, and sends messages to it over a pipe.
 
     The guardian runs in its own session, so Ctrl+C does not reach it.  Child processes of the node
-    close the pipe, so the pipe closes exactly when the node ends.
+    close their copy of the pipe, so the pipe closes exactly when the node ends.
 
-    :param command: the guardian's program; it gets three descriptors as its last arguments: the
-        pipe and the socket to read from, and the file of the ``GuardianMemory``
+    :param command: the command of the guardian's program; three file descriptors are added as the
+        last arguments: the pipe and the socket to read from, and the file of the
+        ``GuardianMemory``
     :param environment: the environment variables of the program
     """
 
@@ -327,7 +331,7 @@ class GuardianProcess:
         with tempfile.TemporaryFile() as file:
             file.truncate(GuardianMemory.SIZE)
             self.memory = GuardianMemory(file.fileno())
-            #: descriptor of the shared memory; None after the process has ended
+            #: file descriptor of the shared memory; None after the process has ended
             self.shared_file: int | None = os.dup(file.fileno())
             messages, self._pipe = os.pipe()
             os.set_blocking(self._pipe, False)
@@ -349,12 +353,12 @@ class GuardianProcess:
         """
         Guard one more robot.
 
-        :param topic: its velocity topic, after remapping
-        :param command_timeout: how long it keeps a velocity [s]
+        :param topic: the velocity topic of the robot, after remapping
+        :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
         :param message_type: Twist or TwistStamped
         :param frame: the frame in the header of a stamped message
-        :param claim: the descriptor of the claim on the robot; the guardian keeps it open
-        :returns: its guardian; None if the process has ended or reads nothing
+        :param claim: the file descriptor of the claim on the robot; the guardian keeps it open
+        :returns: the guardian of the robot; None if the process has ended or reads nothing
         :raises UsageError: if the process guards MAX_ROBOTS robots already
         """
         with self._adding:
@@ -381,10 +385,10 @@ class GuardianProcess:
 
     def remove(self, guardian: Guardian) -> None:
         """
-        Let the guardian leave a robot, and end the process after the last robot.
+        End the guardian's work for a robot, and end the process after the last robot.
 
-        Return when the guardian can no longer send to the robot; if it does not answer, it is
-        killed.  Every run of another robot then ends with an error.
+        Wait until the guardian can no longer send to the robot.  If the guardian does not answer,
+        it is killed, and the runs of all other robots end with an error.
         """
         with contextlib.suppress(RunFaultError):
             self.send(guardian, GuardianMessage.LEAVE)
@@ -402,7 +406,7 @@ class GuardianProcess:
 
     def send(self, guardian: Guardian, message: GuardianMessage) -> None:
         """
-        Send a message about one robot.
+        Send a message about one robot to the guardian process.
 
         :raises RunFaultError: if the guardian has ended, or has left the robot
         """
@@ -434,7 +438,7 @@ class GuardianProcess:
             guardian.has_left.set()
 
     def _wait(self) -> None:
-        """Return when the process has ended; if it does not end by itself, kill it."""
+        """Wait until the process has ended; kill it if it does not end by itself."""
         try:
             self._process.wait(GUARDIAN_EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:

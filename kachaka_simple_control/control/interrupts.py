@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Make Ctrl+C end the process at once and print nothing, while the program still starts."""
+"""Make Ctrl+C end the process at once, without a traceback, while the program starts."""
 
 from __future__ import annotations
 

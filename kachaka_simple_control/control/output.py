@@ -57,9 +57,10 @@ def make_nonblocking(*descriptors: int) -> None:
     """
     Make outputs non-blocking for this process; Python's streams drop text that cannot be written.
 
-    All processes that share an open file share its flag ``O_NONBLOCK``; a shell would keep the
-    flag.  So the output is opened a second time if possible.  Otherwise (a socket, the terminal of
-    another user) the flag is set until this program exits.  Regular files are not changed.
+    Processes that share an open file also share its flag ``O_NONBLOCK``.  So the shell would keep
+    the flag after the end of this program.  To prevent this, the output is opened a second time if
+    possible.  Otherwise (a socket, the terminal of another user) the flag is set until this
+    program exits.  Regular files are not changed.
 
     :param descriptors: 1 (standard output), 2 (standard error) or both
     """
@@ -85,7 +86,7 @@ def make_blocking(descriptor: int) -> None:
 
 
 def discard_unread() -> None:
-    """Drop buffered text that standard output does not accept: it would block Python's exit."""
+    """Drop buffered text that standard output does not accept, so that Python can exit."""
     if not _may_block(STDOUT):
         return
     stdout = sys.stdout
@@ -130,7 +131,7 @@ class NonblockingStream(io.RawIOBase):
         self.name = name
 
     def fileno(self) -> int:
-        """Return the descriptor."""
+        """Return the file descriptor."""
         return self._descriptor
 
     def isatty(self) -> bool:
@@ -138,7 +139,7 @@ class NonblockingStream(io.RawIOBase):
         return os.isatty(self._descriptor)
 
     def writable(self) -> bool:
-        """Return True: the stream can be written to."""
+        """Return True, because the stream can be written to."""
         return True
 
     def write(self, data: Any, /) -> int:

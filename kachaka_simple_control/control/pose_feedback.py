@@ -46,11 +46,13 @@ from kachaka_simple_control.motion.geometry import (
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
 
-#: The largest correction, as a fraction of the largest velocity, when the robot drives at it.
+#: The largest correction while the robot drives at its largest velocity, as a fraction of this
+#: velocity.  At a lower velocity, the largest correction is smaller in proportion.
 MAX_CORRECTION = 0.2
 #: The largest gain [1/s]: a higher gain would amplify the noise of odometry.
 MAX_LOOP_GAIN = 1.5
-#: The start pose is the mean of up to this many samples at rest: half a second of a Kachaka.
+#: The start pose is the mean of the newest samples at rest, at most this number.  A Kachaka sends
+#: this number in half a second.
 START_SAMPLES = 25
 #: A pose with larger coordinates is ignored [m], [rad].
 MAX_COORDINATE = 1e9
@@ -61,7 +63,7 @@ class PoseSample(NamedTuple):
     A pose from odometry, after the odometry calibration.
 
     :param arrived: when the message arrived [s on the steady clock]
-    :param pose: the pose on the floor, as calibrated
+    :param pose: the pose on the floor, according to the odometry calibration
     """
 
     arrived: float
@@ -91,11 +93,11 @@ class PoseFeedback:
     """
     Adds a correction to each velocity of a run, so that the robot follows the plan: a closed loop.
 
-    The error compares the newest odometry sample with the planned pose at an earlier time: the
-    arrival of the sample minus the delay.  The delay itself causes no error in this way.  Formulas
-    (20) and (21) of docs/theory.md.
+    The error is the difference between the newest odometry sample and the planned pose at an
+    earlier time: the arrival of the sample minus the delay.  So the delay itself causes no error.
+    Formulas (20) and (21) of docs/theory.md define the correction.
 
-    Another thread may call ``on_odometry``; one thread has to call all other methods.
+    One thread has to call all methods except ``on_odometry``, which another thread may call.
 
     :param delay: time from a command to its effect in odometry: dead time plus lag [s]
     :param odometry: the calibration from reported odometry to the motion on the floor
@@ -104,10 +106,12 @@ class PoseFeedback:
     def __init__(self, delay: float, odometry: OdometryCalibration | None = None) -> None:
         self._delay = delay
         self._odometry = odometry or OdometryCalibration()
-        #: the newest pose as odometry reports it (None before the first), and on the floor
+        #: the newest pose as odometry reports it (None before the first), and the calibrated pose
+        #: on the floor
         self._reported: Pose | None = None
         self._floor = ORIGIN
-        #: the newest samples: all since the robot came to rest, or one if it moves
+        #: the samples since the robot came to rest, at most START_SAMPLES; only the newest sample
+        #: while the robot moves
         self._samples: tuple[PoseSample, ...] = ()
         #: number of samples that were accepted
         self.sample_count = 0
@@ -144,7 +148,7 @@ class PoseFeedback:
         """
         Begin a run; ``on_odometry`` must have received at least one sample before.
 
-        :param plan: the plan, made with ``CLOSED_LOOP_SHARE`` of the limits
+        :param plan: the plan; it uses only the fraction ``CLOSED_LOOP_SHARE`` of the limits
         :param limits: the limits of velocity and acceleration for the corrected velocities
         """
         self._limits = limits
@@ -159,7 +163,8 @@ class PoseFeedback:
         self._start = ORIGIN
         self._last = ZERO
         self._last_tick: Tick | None = None
-        #: the angle by which the current settle has turned the robot so far [rad]
+        #: the angle by which the current correction of the heading at rest (a settle) has turned
+        #: the robot so far [rad]
         self._settled = 0.0
 
     def correct(self, tick: Tick, now: float) -> Velocity:
@@ -207,7 +212,7 @@ class PoseFeedback:
         return error
 
     def _correction(self, tick: Tick, error: Pose | None) -> Velocity:
-        """Return the bounded correction for an error: the velocity to add to the planned one."""
+        """Return the bounded correction for an error, to be added to the planned velocity."""
         planned, gain, top = tick.velocity, self._gain, self._top
         if error is None:
             return ZERO
@@ -228,15 +233,15 @@ class PoseFeedback:
 
     def _check_settle(self, tick: Tick) -> None:
         """
-        Add up the angle by which the corrections of a settle have turned the robot.
+        Add up the angle by which corrections of the heading at rest (a settle) turn the robot.
 
-        This check finds odometry that drifts.  Such odometry shows a turn although the robot
-        stands still.  The corrections then turn the robot, and odometry does not show this turn.
+        This check detects a drift of odometry.  Odometry that drifts shows a turn although the
+        robot stands still.  The corrections then turn the robot against this drift.
 
         :raises RunFaultError: if the angle is larger than MAX_HEADING_ERROR
         """
         before = self._last_tick
-        # A hold during a settle does not end the settle.
+        # If a speed factor of 0 holds the robot during a settle, the settle has not ended.
         if before is None or not self._is_settling(tick):
             self._settled = 0.0
             return
@@ -248,11 +253,11 @@ class PoseFeedback:
                 'something turns the robot')
 
     def _is_settling(self, tick: Tick) -> bool:
-        """Return whether the step of a tick is a settle, also while the robot is held."""
+        """Return whether a tick is in a settle, a step that corrects the heading at rest."""
         return self._step(tick).step.settles
 
     def _settle_time(self, tick: Tick) -> float:
-        """Return how long the heading may still be corrected at rest [s]; 0 outside a settle."""
+        """Return how long the heading may still be corrected at rest [s]; 0 if it may not be."""
         if tick.rest == math.inf or not self._is_settling(tick):
             return 0.0
         return self._step(tick).end - (tick.plan_time or 0.0)
@@ -282,13 +287,15 @@ def _reachable(
         wanted: float, last: float, planned_change: float, largest_change: float,
         bounds: tuple[float, float]) -> float:
     """
-    Return the velocity nearest to the wanted one that may follow the last one.
+    Return the allowed velocity that is nearest to the wanted velocity.
+
+    All values are linear [m/s], or all are angular [rad/s].
 
     :param wanted: the wanted velocity
-    :param last: the last velocity
-    :param planned_change: the change of the planned velocity, which is always allowed
-    :param largest_change: the largest other change, up or down
-    :param bounds: the smallest and the largest velocity
+    :param last: the velocity that was sent last
+    :param planned_change: the change of the planned velocity; it is always allowed
+    :param largest_change: the largest increase or decrease that is allowed in any case
+    :param bounds: the smallest and the largest allowed velocity
     """
     low = last + min(planned_change, -largest_change)
     high = last + max(planned_change, largest_change)
@@ -296,12 +303,12 @@ def _reachable(
 
 
 def _rate(acceleration: float, deceleration: float, duration: float) -> float:
-    """Return the largest change of a velocity in a time that is allowed both up and down."""
+    """Return the largest velocity change that is possible in a time, both up and down."""
     return min(acceleration, deceleration) * duration if duration else 0.0
 
 
 def _are_near(one: PoseSample, two: PoseSample) -> bool:
-    """Return whether two samples at rest are close in time, distance and angle: no jump."""
+    """Return whether two samples at rest are so close that odometry did not jump."""
     distance, angle = distance_between(one.pose, two.pose)
     return (two.arrived - one.arrived <= FEEDBACK_MAX_AGE
             and distance <= MAX_MOVED_DISTANCE and abs(angle) <= MAX_MOVED_ANGLE)

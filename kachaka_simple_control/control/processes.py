@@ -21,9 +21,9 @@ from pathlib import Path
 import sys
 import time
 
-#: The code drops the empty entry of the search path, which means the current folder.  The user may
-#: start the program in any folder, even in the folder of this package: there the name
-#: ``kachaka_simple_control`` is a file.
+#: The Python code of a child process.  It removes the empty entry of the search path, which means
+#: the current folder.  The reason: the user may start the program in the folder of this package,
+#: and there the name ``kachaka_simple_control`` means a file, not the package.
 MAIN_CODE = (
     'import sys; sys.path = [entry for entry in sys.path if entry]; '
     'from {module} import main; sys.exit(main())')
@@ -74,7 +74,7 @@ def is_running(pid: int) -> bool:
 
 
 def is_in_background(pid: int) -> bool:
-    """Return whether a process is in the background of its terminal: Ctrl+C does not reach it."""
+    """Return whether a process is in the background, where Ctrl+C does not reach it."""
     fields = _stat_fields(pid)
     if fields is None:
         return False

@@ -51,8 +51,8 @@ class RunProgress:
     :param title: the name of the motion; empty before the first run
     :param plan: the plan of the run; None without one
     :param began: t = 0 of the run [s on the steady clock]; nan before the run began
-    :param plan_time: the position on the plan of the newest velocity [s of the plan]; None without
-        a plan
+    :param plan_time: the time in the plan to which the newest velocity belongs [s]; None without a
+        plan
     :param start: the pose of the robot at t = 0 according to odometry; None if unknown
     :param way: the planned pose relative to the start, integrated from the velocities since t = 0
     :param factors: the speed factors below 1, by the name of the source that set them
@@ -107,15 +107,16 @@ LATE = 0.25
 
 class RobotDrive:
     """
-    Drives one robot through a run, from the first velocity to the zero after the last velocity.
+    Drives one robot through a run, from the first velocity to the zero velocity at the end.
 
     The object has no thread and no clock.  The caller passes the time to ``step``, and calls
-    ``step`` again at the time that it returns.  Any thread may call ``end`` and ``progress``.
+    ``step`` again at the time that ``step`` returns.  Any thread may use ``end`` and ``progress``.
 
     :param gate: the velocity gate, which sends the velocities
-    :param monitor: sends heartbeats, corrects velocities, and raises the faults that end a run
+    :param monitor: sends heartbeats, corrects velocities, and raises an error if a fault must end
+        the run
     :param speed_factor: the speed relative to the plan, as a product of named factors
-    :param command_timeout: how long the robot keeps a velocity [s]
+    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     """
 
     def __init__(
@@ -175,7 +176,8 @@ class RobotDrive:
 
         :param now: the time [s on the steady clock]
         :returns: the latest time of the next call [s on the steady clock]; None at the end of the
-            run.  At the end one zero has been sent, and the caller has to send the complete stop
+            run.  At the end one zero velocity has been sent, and the caller has to send the
+            complete stop
         :raises ControlError: if the run was ended or cannot continue
         """
         run, source, gate = self._run, self._source, self.gate
@@ -209,13 +211,13 @@ class RobotDrive:
         return min(run.began + tick.deadline, now + CHECK_PERIOD)
 
     def on_source_changed(self) -> None:
-        """Make ``step`` ask the source before its next deadline; any thread may call this."""
+        """Make ``step`` ask the source for a velocity at once; any thread may call this."""
         self._has_source_changed = True
         self.gate.wake()
 
     def end(self, reason: ControlError) -> bool:
         """
-        End the current run and send one zero at once; any thread may call this.
+        End the current run and send one zero velocity at once; any thread may call this.
 
         The thread that drives the run then raises the reason, and sends the complete stop.
 

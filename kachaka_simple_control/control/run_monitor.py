@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The fault checks during a run."""
+"""The checks for faults during a run, and the renewal of manual control."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from kachaka_simple_control.motion.geometry import Velocity
 
 
 class PendingResponse(Protocol):
-    """The response to a request for manual control, which may still be outstanding."""
+    """The response to a request for manual control; it may not have arrived yet."""
 
     @property
     def done(self) -> bool:
@@ -57,11 +57,13 @@ class PendingResponse(Protocol):
 
 class LeaseRenewer:
     """
-    Requests manual control again before the lease expires, if possible while the plan is at rest.
+    Requests manual control again before it expires, if possible while the plan is at rest.
 
-    The robot processes the request between two velocities.  If the response takes longer than the
-    robot's command timeout, the robot has stopped in the middle of the motion.
-    :param request: sends a request, without waiting
+    A robot grants manual control for a limited time (a lease).  It processes a request between two
+    velocities.  If the response takes longer than the robot's command timeout, the robot has
+    stopped in the middle of the motion.
+
+    :param request: sends a request, and does not wait for the response
     :param response_timeout: how long a response may take in a run [s]
     """
 
@@ -82,12 +84,12 @@ class LeaseRenewer:
         self._pending = None
 
     def is_stale(self, now: float) -> bool:
-        """Return whether the lease is so old that it must be renewed before a run begins."""
+        """Return whether manual control must be renewed before a run, because of its age."""
         return now - self._requested >= LEASE_RENEW_AT_REST
 
     def on_sent(self, now: float, rest: float) -> None:
         """
-        Request manual control again if the lease is old enough; call this after each velocity.
+        Request manual control again if it will expire soon; call this after each velocity.
 
         :param now: the time [s]
         :param rest: how long the plan stays at rest from now on [s]; 0 while moving
@@ -100,7 +102,7 @@ class LeaseRenewer:
 
     def poll(self, now: float) -> None:
         """
-        Check the pending response, if there is one.
+        Check that the last request for manual control is answered in time and granted.
 
         :param now: the time [s]
         :raises RunFaultError: if the response took too long, or manual control was refused
@@ -131,16 +133,16 @@ class RobotPort(Protocol):
 
     def check_identity(self) -> None:
         """
-        Check that the subscriber is still the robot that this program has taken.
+        Check that the subscriber of the velocities is still the robot that this program claimed.
 
         :raises RunFaultError: if it is another robot, or the robot has left the ROS graph
         """
 
     def check_exclusive(self) -> None:
         """
-        Check that only one robot subscribes.
+        Check that only one robot receives the velocities.
 
-        :raises RunFaultError: if there are more robots
+        :raises RunFaultError: if there are several robots
         """
 
     def has_changed(self) -> bool:
@@ -151,7 +153,7 @@ class OtherPublishers(Protocol):
     """Detects velocities that other programs send to the robot."""
 
     def update(self) -> bool:
-        """Find other publishers and subscribe to them; return whether there are any."""
+        """Find velocity publishers of other programs and subscribe; return whether any exist."""
 
 
 class RunTimeouts(Protocol):
@@ -159,7 +161,7 @@ class RunTimeouts(Protocol):
 
     @property
     def odometry_timeout(self) -> float:
-        """Return how long odometry may be silent [s]; 0: no limit."""
+        """Return how long odometry may be silent [s]; 0 means no limit."""
 
     @property
     def pause_timeout(self) -> float:
@@ -168,9 +170,11 @@ class RunTimeouts(Protocol):
 
 class RunMonitor:
     """
-    Sends heartbeats, renews manual control and raises the faults that end a run.
+    Checks for faults during a run, sends heartbeats and renews manual control.
 
-    The thread that drives calls this object after each message, and at least every CHECK_PERIOD.
+    If a fault must end the run, the object raises an error.
+
+    The thread that drives calls the methods after each message, and at least every CHECK_PERIOD.
     Each call is short.
 
     :param guardian: receives the heartbeats
@@ -197,11 +201,11 @@ class RunMonitor:
         #: the steady clock [s]
         self.clock: Callable[[], float] = lambda: time.monotonic()  # noqa: PLW0108
         self._feedback: PoseFeedback | None = None
-        #: since when a speed factor of 0 has held the robot at rest [s]; None without a hold
+        #: since when a speed factor of 0 has held the robot at rest [s]; None if it is not held
         self._held_since: float | None = None
-        #: whether the hold was released, and the checks have allowed this
+        #: whether a held robot may move again: the factor was set, and the checks allowed it
         self._is_released = False
-        #: called with the reason if the hold continues although it was released
+        #: called with the reason if the robot stays held although the speed factor was set again
         self.on_kept_hold: Callable[[str], object] = lambda _: None
         #: how far the robot was moved from outside while it was held
         self.pause_pose = PausePose()
@@ -210,7 +214,7 @@ class RunMonitor:
 
     @property
     def speed_factor(self) -> float:
-        """Return the speed factor, 0 to 1; after a hold it is 0 until the checks allow motion."""
+        """Return the speed factor, 0 to 1; after a pause it is 0 until the checks allow motion."""
         if self._speed_factor.is_hold:
             self._is_released = False
             return 0.0
@@ -219,7 +223,7 @@ class RunMonitor:
 
     def correct(self, tick: Tick, now: float) -> Velocity:
         """
-        Return the velocity to send for a tick: as planned, or in a closed loop corrected.
+        Return the velocity to send for a tick; a closed loop corrects the planned velocity.
 
         :param tick: the tick
         :param now: when the velocity is sent [s on the steady clock]
@@ -229,7 +233,9 @@ class RunMonitor:
 
     def on_sent(self, rest: float) -> None:
         """
-        Record a hold, and renew manual control if necessary; called after each velocity.
+        Record whether the robot is held at rest, and renew manual control if necessary.
+
+        Call this after each velocity.
 
         :param rest: how long the robot stays at rest from now on [s]; 0 while moving, infinite
             while a speed factor of 0 holds the robot
@@ -247,7 +253,7 @@ class RunMonitor:
         """
         Reset the state for a new run.
 
-        :param feedback: corrects the velocities of the new run; None: send them as planned
+        :param feedback: corrects the velocities of the new run; None to send them as planned
         """
         self._feedback = feedback
         self._checked = self.clock()
@@ -257,7 +263,7 @@ class RunMonitor:
 
     def check_resume(self) -> None:
         """
-        Repeat the checks of a start, before a run continues after a hold.
+        Repeat the checks of a start before a run continues after the robot was held at rest.
 
         :raises RunFaultError: if the run must not continue
         """
@@ -309,7 +315,7 @@ class RunMonitor:
 
     def _release(self) -> None:
         """
-        Continue the run after a hold, unless the robot was moved during the hold.
+        Continue the run after the robot was held at rest, unless it was moved in this time.
 
         The thread that drives calls this, and no lock is held.  So the thread that sets the speed
         factor does not wait for the checks.

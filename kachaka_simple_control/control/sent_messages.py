@@ -41,7 +41,7 @@ class SentMessages:
         self._sent.append((now, data))
 
     def record_guardian_zero(self, now: float) -> None:
-        """Record that this program requests a zero from the guardian."""
+        """Record that this program requests a zero velocity from the guardian."""
         self._guardian_zeros.append(now)
 
     def discard_old(self, now: float) -> None:
@@ -51,10 +51,10 @@ class SentMessages:
 
     def consume(self, data: bytes, is_zero: bool, now: float) -> bool:
         """
-        Remove a received message, and all messages sent before it.
+        Remove a received message from this record, and all messages that were sent before it.
 
         :param data: the message as received
-        :param is_zero: whether the message is a zero, which the guardian may have sent
+        :param is_zero: whether the message is a zero velocity, which the guardian may have sent
         :param now: the time [s]
         :returns: whether this program or its guardian sent the message
         """

@@ -33,7 +33,7 @@ from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.exit_codes import code_of, SIGNALLED
 from kachaka_simple_control.text import escaped, escaped_lines, MAX_LINE_LENGTH
 
-#: The modules whose frames an error does not name.
+#: An error message does not name lines of code in these modules.
 OWN = (__name__.partition('.')[0], 'contextlib')
 #: If this environment variable is not empty, an uncaught error of this package prints its
 #: traceback.
@@ -112,10 +112,10 @@ class SignalDispatcher:
     @contextlib.contextmanager
     def deferred(self) -> Iterator[None]:
         """
-        Protect a block in the main thread from signals; raise a signal at the end of the block.
+        Delay signals in the main thread until the end of a block.
 
-        Handlers are still called at once.  In other threads this has no effect, because signals
-        interrupt only the main thread.
+        The registered handlers are still called at once.  In other threads this has no effect,
+        because signals interrupt only the main thread.
         """
         if threading.current_thread() is not threading.main_thread():
             yield
@@ -232,7 +232,7 @@ class SignalDispatcher:
 
 def run_in_threads(functions: Sequence[Callable[[], object]]) -> list[threading.Thread]:
     """
-    Run functions in one thread each: the stop of one robot must not wait for another robot.
+    Run each function in its own thread, so that the stop of a robot waits for no other robot.
 
     :returns: the threads that were started
     """
@@ -275,7 +275,7 @@ def _except_in_thread(arguments: threading.ExceptHookArgs) -> None:
 
 
 def _place(traceback: TracebackType | None) -> str:
-    """Return the file and line of the innermost call outside this package; empty without one."""
+    """Return the file and line of the innermost call outside this package; empty if none."""
     # Compare module names: code that dataclasses generate for a class of this package has no file.
     # An error that passes a context manager of this package passes contextlib as well.
     frames = [summary for summary, (frame, _) in zip(
@@ -329,8 +329,9 @@ class ShutdownEvent:
         """
         Wait for a signal or for ``end()``.
 
-        :param with_parent: also return at the end of standard input: if the parent process holds
-            the other end of this pipe and is killed, this process ends too
+        :param with_parent: whether the end of standard input also ends the wait.  If standard
+            input is a pipe from the parent process, this process then ends when the parent is
+            killed
         """
         sources = [self._reader] + with_parent * [sys.stdin.fileno()]
         while True:

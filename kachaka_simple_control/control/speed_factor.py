@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The speed factor: the product of named factors; each source of slower speed has a name."""
+"""The speed factor, which slows a run down: the product of the factors of named sources."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ from kachaka_simple_control.errors import MotionRefusedError
 
 #: Name of the factor that ``pause`` sets: 0 while paused.
 PAUSE = 'pause'
-#: Name of the factor that continues a hold after its release, because the robot was moved.
+#: Name of the factor that is 0 if a paused robot was moved: it holds the robot after a resume.
 MOVED = 'moved'
-#: The smallest factor that a person may set.  Below it a run is held.  Chosen; use pause for 0.
+#: The smallest factor that a user may set; a user who wants 0 has to pause.  If the product of all
+#: factors is lower, the robot is held at rest.  The value is chosen, not measured.
 MIN_SPEED_FACTOR = 0.01
 #: Name of the factor that a person sets with the parameter ``speed_factor``.
 OVERRIDE = 'override'
@@ -75,8 +76,8 @@ class SpeedFactor:
         :param name: the name of the source that sets the factor
         :param factor: the factor, from 0 to 1
         :param valid_for: how long the factor is valid, unless it is set again [s].  After this
-            time the factor is 0 and the robot is held, because the source may have failed.  None:
-            no time limit
+            time the factor is 0 and the robot is held at rest, because the source may have failed.
+            None for no time limit
         :returns: whether a factor changed
         :raises MotionRefusedError: if the factor is not a number from 0 to 1, or the time is not
             above 0; then nothing has changed
@@ -102,7 +103,7 @@ class SpeedFactor:
         return True
 
     def _expire(self) -> None:
-        """Set each factor whose time limit has passed to 0, which holds the robot."""
+        """Set each factor whose time limit has passed to 0, which holds the robot at rest."""
         if not self._expiries:
             return
         now = self._clock()
@@ -114,7 +115,7 @@ class SpeedFactor:
 
     @property
     def is_hold(self) -> bool:
-        """Whether the product is so small that the robot is held."""
+        """Whether the product is so small that the robot is held at rest."""
         return is_hold(self.value)
 
     def describe(self) -> str:
@@ -136,7 +137,7 @@ def describe_factors(factors: Mapping[str, float]) -> str:
 
 
 def is_hold(speed: float) -> bool:
-    """Return whether a speed factor is so small that the robot is held."""
+    """Return whether a speed factor is so small that the robot is held at rest."""
     return speed < MIN_SPEED_FACTOR
 
 

@@ -63,7 +63,7 @@ class StandstillDetector:
         return self._is_fresh(now) and self._still_since is None
 
     def still_since(self, now: float) -> float | None:
-        """Return since when the robot stands still [s]; None if it moves or odometry is silent."""
+        """Return the time when the robot came to rest [s]; None if it moves or if unknown."""
         return self._still_since if self._is_fresh(now) else None
 
     def _is_fresh(self, now: float) -> bool:
@@ -83,7 +83,7 @@ class PausePose:
 
     def on_sent(self, is_paused: bool) -> None:
         """
-        Process a sent velocity.
+        Note after each sent velocity whether the robot is paused.
 
         :param is_paused: whether the velocity holds the robot at rest in a pause
         """

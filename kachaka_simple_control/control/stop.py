@@ -38,13 +38,13 @@ def send_stop(
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep) -> bool:
     """
-    Send a stop: STOP_BURST_COUNT zeros at once, then zeros until the command timeout has passed.
+    Send zero velocities until the robot's command timeout and STOP_MARGIN have passed.
 
-    A reader that was slow or frozen later processes all messages in its queue.  The burst comes
-    first, so that its zeros push older velocities out of this queue.
+    The first STOP_BURST_COUNT messages are sent without a pause.  They push older velocities out
+    of the queue of a reader that was slow or frozen and later processes this queue.
 
-    :param send_zero: publishes one zero; returns False to end the stop early
-    :param command_timeout: how long the robot keeps a velocity [s]
+    :param send_zero: publishes one zero velocity; returns False to end the stop early
+    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
     :returns: whether the complete stop was sent
@@ -65,9 +65,10 @@ class StopController:
     Sends one stop per run, even if several threads request it; a new run ends the stop early.
 
     :param gate: the velocity gate
-    :param command_timeout: how long the robot keeps a velocity [s]
-    :param guardian: gets a report before each zero, and at the end of the stop
-    :param still_moving: returns whether more zeros are needed: odometry shows motion, or is lost
+    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
+    :param guardian: gets a report before each zero velocity, and at the end of the stop
+    :param still_moving: returns whether the stop must continue, because odometry shows motion or
+        is lost
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
     :param publish: puts an event into a queue, and returns at once
@@ -102,10 +103,11 @@ class StopController:
 
     def stop(self, reason: ControlError | None, only: Run | None = None) -> str | None:
         """
-        Stop the newest run, and return when the complete stop was sent.
+        Stop the newest run, and wait until the complete stop was sent.
 
         :param reason: the error that the thread of the run raises; None if the run has ended
-        :param only: used if the reason is None: the run to stop, unless a newer run has begun
+        :param only: the run to stop if ``reason`` is None; nothing is sent if a newer run has
+            begun
         :returns: why the stop could not be sent; None if it was sent, or a new run ended it early
         """
         run = only
@@ -162,7 +164,9 @@ class StopController:
 
     def _repeat_until_still(self, run: Run | None) -> bool:
         """
-        Send more zeros while ``still_moving`` returns True: the link may have lost earlier zeros.
+        Send more zero velocities while ``still_moving`` returns True.
+
+        The link to the robot may have lost the earlier ones.
 
         :returns: whether ``still_moving`` returned False in time
         """

@@ -45,8 +45,8 @@ class Tick:
     :param start: when the velocity is due [s after t = 0]
     :param deadline: when the next tick is due [s after t = 0]
     :param rest: how long the robot stays at rest from the start of this tick [s]; 0 while moving
-    :param plan_time: the position on the plan at the start of this tick [s of the plan]; equal to
-        ``start`` if nothing has delayed the plan; None without a plan
+    :param plan_time: the time in the plan at the start of this tick [s]; equal to ``start`` unless
+        a speed factor below 1 has delayed the plan; None without a plan
     """
 
     velocity: Velocity
@@ -63,7 +63,7 @@ class VelocitySource(Protocol):
     :ivar kind: the purpose of the velocities
     :ivar skipped: how many velocities the newest call of ``due`` left out, because they were too
         late
-    :ivar plan_duration: the duration of the plan [s of the plan]; None without a plan
+    :ivar plan_duration: the duration of the plan at a speed factor of 1 [s]; None without a plan
     """
 
     kind: VelocityKind
@@ -72,7 +72,7 @@ class VelocitySource(Protocol):
 
     def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
         """
-        Return the tick that is due; call this first at 0, then at each deadline or earlier.
+        Return the tick that is due; call this first with 0, then at each deadline or earlier.
 
         :param elapsed: time since t = 0 [s]; it must not decrease between calls
         :param factor: the speed factor from the start of the returned tick on, from 0 to 1
@@ -82,14 +82,15 @@ class VelocitySource(Protocol):
 
 class TickScheduler:
     """
-    Returns for a given time the velocity of a plan that is due.
+    Returns the velocity of a plan that is due at a given time.
 
     Deadlines are absolute: they depend only on the plan and on the changes of the speed factor.
     A late call returns the tick that is due at that time, and does not delay later deadlines.
 
     While the speed factor is 1, the velocities are exactly the velocities of the plan.  After a
     change of the factor, the current trajectory is planned again from its state at the tick.  Each
-    later trajectory is planned again at its start, until one can be driven as planned.
+    later trajectory is planned again at its start, until the first one that the robot can drive
+    exactly as in the plan.
 
     :param plan: the plan
     """
@@ -98,7 +99,7 @@ class TickScheduler:
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        #: the duration of the plan [s of the plan]
+        #: the duration of the plan at a speed factor of 1 [s]
         self.plan_duration: float | None = plan.duration
         #: how many ticks the newest call of ``due`` left out, because they were too late
         self.skipped = 0
@@ -110,7 +111,7 @@ class TickScheduler:
 
     def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
         """
-        Return the tick that is due; call this first at 0, then at each deadline.
+        Return the tick that is due; call this first with 0, then at each deadline.
 
         :param elapsed: time since t = 0 [s]; it must not decrease between calls
         :param factor: the speed factor from the start of the returned tick on, from 0 to 1
@@ -146,7 +147,7 @@ class TickScheduler:
 
     def _begin(self, trajectory: _ReplannedTrajectory | None, now: float) -> None:
         """
-        Begin a trajectory: as planned if this is possible, otherwise planned again.
+        Begin a trajectory exactly as in the plan if this is possible; otherwise plan it again.
 
         :param trajectory: the trajectory; None after the last trajectory
         :param now: when the trajectory begins [s after t = 0]
@@ -195,9 +196,9 @@ class _ReplannedTrajectory:
     :param plan: the plan
     :param step: the index of the step that contains the trajectory
     :param number: the index of the trajectory in the step
-    :param plan_start: when the trajectory begins according to the plan [s of the plan]
+    :param plan_start: when the trajectory begins in the plan [s]
     :param reached: the final velocity of the previous trajectory, in the unit of that trajectory
-        [u/s]; 0 at rest
+        [m/s] or [rad/s]; 0 at rest
     :param state: the state from which the trajectory continues; None if it has not begun
     """
 
@@ -214,13 +215,13 @@ class _ReplannedTrajectory:
         self._state = self._end = state or PathState(0.0)
 
     def begin(self, factor: float) -> bool:
-        """Set the state to the start of the path; return whether it can be driven as planned."""
+        """Begin the trajectory; return whether it can be driven exactly as in the plan."""
         self._state = self.trajectory.first_state(factor, self._reached)
         return factor == 1.0 and self._state == self.trajectory.first_state(1.0, 0.0)
 
     def ticks(self, factor: float, now: float) -> Iterator[Tick]:
         """
-        Yield the ticks from the newest state on.
+        Yield the ticks of the trajectory from its current state on.
 
         If the robot comes to rest before the end of the trajectory, yield ticks at rest without
         end.
@@ -274,7 +275,7 @@ class _ReplannedTrajectory:
 
 
 def _at_plan_time(plan: Plan, time: float) -> _ReplannedTrajectory:
-    """Return the trajectory that the plan drives at a time [s of the plan], with its state."""
+    """Return the trajectory that is under way at a time in the plan [s], with its state."""
     step = plan.step_index(time)
     start = plan.steps[step].start
     trajectories = plan.steps[step].trajectories
@@ -289,7 +290,7 @@ def _at_plan_time(plan: Plan, time: float) -> _ReplannedTrajectory:
 
 
 def _velocity_before(plan: Plan, step: int, number: int) -> float:
-    """Return the planned final velocity of the previous trajectory [u/s]; 0 at rest."""
+    """Return the planned end velocity of the previous trajectory [m/s] or [rad/s]; 0 at rest."""
     before = [*plan.steps[step].trajectories[:number]]
     while step and not any(trajectory.duration for trajectory in before):
         step -= 1

@@ -14,7 +14,7 @@
 """
 All periods and timeouts that are important for safety, each with its reason and source.
 
-A safety review can read them here in one place.  All values are in seconds unless the name or the
+They are in one place for a safety review.  All values are in seconds unless the name or the
 comment says otherwise.  "Measured" refers to the benchmarks, ``docs/safety.md`` and
 ``docs/benchmarks.md``.  "Maker" refers to the public repository pf-robotics/kachaka-api.  "Chosen"
 means that the authors of this package decided the value.
@@ -28,10 +28,10 @@ velocity (the command timeout, 0.3 s for a Kachaka), and how long manual control
 #: Longest time between two heartbeats and fault checks in the thread that drives.  A stop wakes
 #: this thread at once.  Chosen: a quarter of HEARTBEAT_TIMEOUT.
 CHECK_PERIOD = 0.025
-#: How often a wait without a wake-up checks its condition.  Chosen.
+#: How often a wait checks its condition if nothing can wake the waiting thread.  Chosen.
 POLL_PERIOD = 0.02
-#: How late a velocity may be, in addition to one period, before the run ends.  Chosen: equal to
-#: HEARTBEAT_TIMEOUT, so that the node and the guardian have the same limit.
+#: If a velocity is sent later than one period plus this time after the previous one, the run ends.
+#: Chosen: equal to HEARTBEAT_TIMEOUT, so that the node and the guardian have the same limit.
 MAX_LATENESS = 0.1
 #: Highest rate of velocities [Hz].  Chosen: no use for a higher rate is known.
 MAX_RATE = 1000.0
@@ -41,22 +41,24 @@ PUBLISH_TIMEOUT = 0.5
 
 # --- Stop ---------------------------------------------------------------------------------------
 
-#: Number of zeros sent without a pause at the start of a stop [messages].  It equals the depth of
-#: the deepest queue to the robot, a publisher of depth 10: the zeros push all velocities out of
-#: this queue.
+#: Number of zero velocities that are sent without a pause at the start of a stop [messages].  It
+#: equals the depth of the longest queue to the robot, the queue of the publisher (10).  So the
+#: zero velocities push all other velocities out of this queue.
 STOP_BURST_COUNT = 10
-#: Period of the zeros after the burst.  Chosen: 25 Hz, so that if one zero is lost, the next one
-#: comes well within the command timeout.
+#: Period of the zero velocities after the first STOP_BURST_COUNT ones.  Chosen: 25 Hz, so that if
+#: one message is lost, the next one comes well within the command timeout.
 STOP_REPEAT_PERIOD = 0.04
-#: Zeros are sent for the robot's command timeout plus this time.  Chosen.
+#: A stop sends zero velocities for the robot's command timeout plus this time.  Chosen.
 STOP_MARGIN = 0.1
-#: How much longer zeros are sent while odometry shows motion.  Chosen: a program must end at most
-#: 3 s after a signal (``ros2 launch`` escalates after 5 s).
+#: How much longer zero velocities are sent while odometry shows motion.  Chosen: a program must
+#: end at most 3 s after a signal, because ``ros2 launch`` sends a stronger signal after 5 s.
 STOP_CONFIRM_TIMEOUT = 1.0
-#: A lower velocity is standstill [m/s], [rad/s].  Chosen: above the noise of wheel encoders.
+#: A robot counts as standing still if odometry shows a lower velocity than this [m/s], [rad/s].
+#: Chosen: above the noise of wheel encoders.
 STANDSTILL_LINEAR = 0.01
 STANDSTILL_ANGULAR = 0.02
-#: Older odometry does not show the current motion.  Chosen: more than ten samples of a Kachaka.
+#: Odometry older than this does not show the current motion.  Chosen: longer than ten samples of a
+#: Kachaka take.
 ODOMETRY_MAX_AGE = 0.3
 #: For this time after the first signal, further signals do not interrupt the main thread: a second
 #: Ctrl+C must not end the stop early.  Chosen: longer than a stop.
@@ -65,11 +67,13 @@ SIGNAL_DEBOUNCE = 3.0
 # --- Guardian -----------------------------------------------------------------------------------
 
 #: If no heartbeat comes for this time in a run, the guardian stops the robot.  Chosen: four times
-#: CHECK_PERIOD.  From SIGSTOP to the first zero less than 0.15 s pass (measured: 0.102 s).
+#: CHECK_PERIOD.  The guardian sends the first zero velocity less than 0.15 s after SIGSTOP has
+#: frozen the node (measured: 0.102 s).
 HEARTBEAT_TIMEOUT = 0.1
-#: The same limit from the zero at the end of a run to the last zero of its stop.  The node waits
-#: up to 0.2 s for a next movement, and DDS may hold it up for PUBLISH_TIMEOUT.  The robot has
-#: already received a zero.
+#: How long the node may be silent after a run, from the zero velocity at its end to the last zero
+#: velocity of the stop.  Longer than HEARTBEAT_TIMEOUT, because the node waits up to 0.2 s for a
+#: next movement, and a DDS call may take PUBLISH_TIMEOUT.  The robot has already received a zero
+#: velocity.
 STOPPING_TIMEOUT = 1.0
 #: How often the guardian checks the time since the last heartbeat.  If more time passes between
 #: two checks, the excess does not count: the guardian or the whole machine was held up.  Chosen.
@@ -77,13 +81,13 @@ WATCHDOG_PERIOD = 0.02
 #: If the guardian has processed no heartbeat for this time while the node ran, it is frozen and
 #: the run ends.  Equal to PUBLISH_TIMEOUT: a DDS call of the guardian may also take this time.
 GUARDIAN_TIMEOUT = 0.5
-#: How long the guardian may take to publish a zero on request before a run.  Chosen.
+#: How long the guardian may take to publish a zero velocity on request before a run.  Chosen.
 GUARDIAN_PRIME_TIMEOUT = 1.0
 #: How long the guardian may take to end by itself before it is killed.  Chosen.
 GUARDIAN_EXIT_TIMEOUT = 1.0
-#: How long the guardian's participant waits for a subscriber before it leaves and joins the graph
-#: again, for each attempt.  Measured: of the participants of Fast DDS, every second to fourth is
-#: discovered up to 3 s late, and the others within 0.1 s.
+#: How long the guardian waits for a subscriber before it joins the graph with a new participant,
+#: for each attempt.  Measured: every second to fourth participant of Fast DDS is discovered up to
+#: 3 s late, and the others within 0.1 s.
 DISCOVERY_RETRY_TIMEOUTS = (0.15, 0.2, 0.4, 0.8, 0.8)
 
 # --- Pause ---------------------------------------------------------------------------------------
@@ -91,14 +95,15 @@ DISCOVERY_RETRY_TIMEOUTS = (0.15, 0.2, 0.4, 0.8, 0.8)
 #: How long the robot must stand still before its pose is used as the pose of the pause.  Chosen:
 #: longer than dead time and lag of a slow robot.
 REST_SETTLE_TIME = 0.5
-#: If the robot was moved more than this during a pause [m], [rad], the rest of the plan does not
-#: fit its pose.  Chosen: above the noise of odometry.
+#: If somebody moved the robot more than this during a pause [m], [rad], the rest of the plan would
+#: end at another place.  Chosen: above the noise of odometry.
 MAX_MOVED_DISTANCE = 0.02
 MAX_MOVED_ANGLE = 0.035
 #: After a resume was refused, a second request within this time resumes the motion.  Chosen.
 RESUME_CONFIRM_TIMEOUT = 10.0
-#: The second request counts only if no request came for this time before it.  Chosen: longer than
-#: the time between requests of a key that repeats, or of clients that try again.
+#: This second request counts only if no other request came for this time before it.  Chosen:
+#: longer than the time between the requests of a key that is held down, or of clients that try
+#: again.
 RESUME_QUIET_TIME = 1.0
 
 # --- Services ------------------------------------------------------------------------------------
@@ -134,13 +139,15 @@ MAX_HEADING_ERROR = 0.785
 
 # --- Claim: one program drives -------------------------------------------------------------------
 
-#: How long other publishers are observed before the robot is taken or released.  Longer than a
-#: Kachaka keeps a velocity: a program that drives the robot sends a message within this time.
+#: How long this program listens for velocities of other programs before it drives or releases the
+#: robot.  Longer than the command timeout of a Kachaka: a program that drives the robot sends a
+#: message within this time.
 FOREIGN_CHECK_TIME = 0.4
 #: A program whose newest message is older than this no longer drives the robot.  Chosen.
 FOREIGN_MESSAGE_MAX_AGE = 1.0
-#: If the robot moves for this time before it is taken, another program drives it.  Longer than a
-#: robot moves after its last velocity: its command timeout, and braking from 0.3 m/s.
+#: If the robot moves for this time before this program drives it, another program drives it.  The
+#: time is longer than a robot moves after its last velocity: its command timeout, and the time to
+#: brake from 0.3 m/s.
 REST_TIMEOUT = 1.0
 #: How long to wait if the odometry topic of the robot is not in the graph yet.  Discovery delivers
 #: all topics of a participant within some milliseconds.  Fast DDS repeats a lost message after
@@ -149,24 +156,24 @@ ODOMETRY_WAIT_TIME = 0.5
 #: A message sent earlier than this before a subscription begins does not reach the subscription.
 #: Chosen.  Through shared memory, which the commands do not use, 0.33 s were measured.
 MAX_TRANSIT_TIME = 0.2
-#: A zero requested from the guardian arrives within this time, or it was lost.  Chosen.
+#: A zero velocity requested from the guardian arrives within this time, or it was lost.  Chosen.
 MAX_GUARDIAN_DELAY = 1.0
 #: How long the holder of a claim on this machine may take to send its description.  A frozen
 #: holder never sends it.
 CLAIM_ANSWER_TIMEOUT = 0.3
 #: How long to wait for the claim of a program that has ended: its guardian stops the robot first.
 GUARDIAN_LEAVE_TIMEOUT = 3.0
-#: How often this program tries to take the claim during this wait.
+#: Time between two attempts to take the claim while waiting for GUARDIAN_LEAVE_TIMEOUT.
 CLAIM_RETRY_PERIOD = 0.05
 #: How often a claim is published to other machines.  Chosen.
 CLAIM_PERIOD = 0.5
-#: A claim that was not received for this time is over.
+#: A claim expires if it was not received for this time.
 CLAIM_TIMEOUT = 3 * CLAIM_PERIOD
 #: How long a new program waits for claims of other programs after it joined the graph.  Discovery
 #: between machines mostly takes less time.
 CLAIM_DISCOVERY_TIME = CLAIM_TIMEOUT
-#: How long two new programs that have discovered each other wait to receive the other claim.
-#: Chosen.
+#: How long each of two new programs that have discovered each other waits to receive the claim of
+#: the other program.  Chosen.
 CLAIM_SETTLE_TIME = 0.25
 #: How much longer a claim is published after two programs were found to hold a claim, so that the
 #: other program receives it as well.
@@ -174,34 +181,39 @@ CLAIM_CONFLICT_TIME = 3.0
 
 # --- Manual control of a Kachaka -----------------------------------------------------------------
 
-#: From this age on, the lease is renewed while the plan is at rest.
+#: If manual control (the lease) was granted longer ago than this, it is renewed while the plan is
+#: at rest.
 LEASE_RENEW_AT_REST = 20.0
-#: From this age on, the lease is renewed even in motion.  A Kachaka ends it after 60 s (maker).
+#: If manual control was granted longer ago than this, it is renewed even in motion.  A Kachaka
+#: ends it after 60 s (maker).
 LEASE_RENEW_LATEST = 40.0
 #: A request without an answer is repeated after this time, then after twice this time, and so on.
-#: The first answer may be lost on a new connection, and a slow robot must not get too many
-#: requests.
+#: The reasons: the first answer may be lost on a new connection, and a slow robot must not get too
+#: many requests.
 REQUEST_RETRY_PERIOD = 0.1
 #: How long the robot may take to confirm that manual control was released.  Chosen.
 RELEASE_TIMEOUT = 1.0
 
 # --- A real Kachaka over gRPC --------------------------------------------------------------------
 
-#: If a stream of velocities ends without a zero, the bridge stops the robot after this time.
-#: Below the robot's 0.3 s, and above the period of the slowest publisher that keeps the robot
-#: moving (5 Hz).
+#: If a stream of velocities ends without a zero velocity, the bridge stops the robot after this
+#: time.  It is shorter than the robot's command timeout (0.3 s), and longer than the period of the
+#: slowest publisher that keeps the robot moving (5 Hz).
 STREAM_TIMEOUT = 0.25
-#: If a publisher has a longer period, only the robot's own command timeout stops the robot, so
-#: that a late message is not treated as the end.  The sum with MAX_LATENESS is STREAM_TIMEOUT.
+#: If a publisher has a longer period than this, only the robot's own command timeout stops the
+#: robot, so that the bridge does not treat a late message as the end of the stream.  This time
+#: plus MAX_LATENESS is STREAM_TIMEOUT.
 MAX_STREAM_PERIOD = 0.15
-#: If a publisher was silent for this time, the robot counts as at rest, as after a zero.  Chosen.
+#: If a publisher was silent for this time, the robot is considered at rest, as after a zero
+#: velocity.  Chosen.
 REARM_IDLE_TIME = 1.0
 #: How long the robot may take to confirm a stop, or that manual control is on.  Chosen.
 STOP_RPC_TIMEOUT = 1.0
 #: If the robot does not answer this many consecutive velocities within the command timeout, no
 #: more are sent [calls].  Chosen.
 MAX_CONSECUTIVE_TIMEOUTS = 3
-#: How long each of the last calls may take when the bridge ends; at most three calls.  Chosen.
+#: How long each call to the robot may take when the bridge ends; there are at most three calls.
+#: Chosen.
 SHUTDOWN_RPC_TIMEOUT = 0.3
 #: If the robot has answered no request for this time, the connection is lost.  Chosen.
 CONNECTION_TIMEOUT = 1.0
@@ -212,7 +224,8 @@ def max_gap(period: float | None, command_timeout: float) -> float:
     Return the longest time between two messages that is not a fault [s].
 
     :param period: normal time between two messages [s]; None if unknown
-    :param command_timeout: how long the robot keeps a velocity [s]; the gap is never longer
+    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]; the
+        result is never longer
     """
     if period is None:
         return command_timeout
@@ -223,6 +236,8 @@ def min_rate(command_timeout: float) -> float:
     """
     Return the lowest rate at which a late message still arrives within the command timeout [Hz].
 
-    :param command_timeout: how long the robot keeps a velocity [s]
+    A message may be late by MAX_LATENESS.
+
+    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     """
     return 1.0 / (command_timeout - MAX_LATENESS)

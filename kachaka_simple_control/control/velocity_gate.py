@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The velocity gate: the only object that publishes velocities."""
+"""The velocity gate: the only object of a node that publishes velocities."""
 
 from __future__ import annotations
 
@@ -38,23 +38,25 @@ from kachaka_simple_control.motion.limits import Limits
 
 
 class GateState(Enum):
-    """The state of the gate: whether it may publish velocities."""
+    """The state of the velocity gate, which decides whether it may publish velocities."""
 
-    #: The robot has not been taken.  Even a zero is blocked: it makes a Kachaka leave its dock.
+    #: This program does not control the robot yet.  Even a zero velocity is blocked, because it
+    #: makes a Kachaka leave its dock.
     NOT_OPENED = 'not taken yet'
-    #: This program has taken the robot.
+    #: This program has control of the robot.
     OPEN = 'open'
-    #: The robot was released.  Everything is blocked: a zero would take the robot again.
+    #: The robot was released.  Everything is blocked, because even a zero velocity would control
+    #: the robot again.
     CLOSED = 'released'
 
 
 class Run:
     """
-    One motion, from the call that requests it; only the newest run may send velocities.
+    One drive of a motion, from its request to its end; only the newest run may send velocities.
 
-    :param max_gap: longest time between two messages, without the time spent in DDS [s]
-    :param command_timeout: longest time between two messages with the time spent in DDS: how long
-        the robot keeps a velocity [s]
+    :param max_gap: longest allowed time between two messages, without the time in DDS calls [s]
+    :param command_timeout: longest allowed time between two messages, with the time in DDS calls
+        [s]: after this time without a message the robot stops by itself
     """
 
     def __init__(
@@ -63,9 +65,10 @@ class Run:
         self.command_timeout = command_timeout
         #: t = 0 of the run [s on the steady clock]; nan before the run begins
         self.began = math.nan
-        #: when DDS had accepted the last message [s on the clock for gaps]; None before the first
+        #: when DDS had accepted the last message [s on the gate's ``gap_clock``]; None before the
+        #: first
         self.last_sent: float | None = None
-        #: total time that the thread that drives had spent in ports at that time [s]
+        #: the value of ``PortTime.total`` at that time [s]
         self.waited_before = 0.0
         #: why the run was ended; None while it may send
         self.ended_by: ControlError | None = None
@@ -73,10 +76,10 @@ class Run:
 
 class PortTime:
     """
-    The total time that the driving thread has spent in ports such as DDS, for all its robots.
+    The total time that the driving thread has waited for calls to DDS, for all its robots.
 
-    While the thread waits for the port of one robot, it cannot send to another robot.  This time
-    does not count as a gap of any robot.
+    While the thread waits for a call of one robot, it cannot send to another robot.  So this time
+    does not count as a gap between the messages of any robot.
     """
 
     def __init__(self) -> None:
@@ -92,17 +95,19 @@ class VelocityGate:
     """
     The only publisher of velocities; it checks each velocity before it publishes it.
 
-    It applies the calibration, checks the limits, the latch and the gap, publishes the velocity,
-    and reports it as an event.  Checks and publishing happen under one lock.  After a stop has
-    sent its first zero, no thread can send another velocity of the stopped run.
+    The gate applies the calibration.  It checks the limits, the latch and the time since the last
+    message.  Then it publishes the velocity, and reports it as an event.  Checks and publishing
+    happen under one lock.  After a stop has sent its first zero velocity, no thread can send
+    another velocity of the stopped run.
 
     :param transmit: publishes a velocity
     :param limits: the robot's limits; a velocity beyond them is never published
-    :param latch: after it is set, only zeros are published
-    :param sending: set while a DDS call runs
+    :param latch: after it is set, only zero velocities are published
+    :param sending: a flag that is set while a DDS call runs
     :param clock: the steady clock [s]
-    :param gap_clock: the clock for gaps [s]; it also counts while the machine is suspended
-    :param command: returns the command to send for a velocity, according to the calibration
+    :param gap_clock: the clock for the time between two messages [s]; it also counts while the
+        machine is suspended
+    :param command: converts a wanted velocity to the velocity that is sent, by the calibration
     """
 
     def __init__(
@@ -128,7 +133,7 @@ class VelocityGate:
         self._run: Run | None = None
         #: puts an event into a queue, and returns at once
         self.publish: Callable[[Event], None] = lambda _: None
-        #: time in ports of the thread that drives; all gates of that thread share one object
+        #: time of the driving thread in DDS calls; all gates of this thread share one object
         self.port_time = PortTime()
         #: makes the thread that drives check at once whether its run was ended
         self.wake: Callable[[], None] = lambda: None
@@ -137,7 +142,7 @@ class VelocityGate:
 
     @property
     def state(self) -> GateState:
-        """Return the state of the gate: whether it may publish velocities."""
+        """Return the state of the gate, which decides whether it may publish velocities."""
         return self._state
 
     @property
@@ -146,18 +151,18 @@ class VelocityGate:
         return self._run
 
     def open(self) -> None:  # noqa: A003
-        """Allow velocities, after the robot was taken; no effect if the gate is closed."""
+        """Allow velocities, because this program controls the robot; no effect after ``close``."""
         with self._lock:
             if self._state is GateState.NOT_OPENED:
                 self._state = GateState.OPEN
 
     def close(self) -> None:
-        """Block all velocities, also zeros, from now on; this cannot be undone."""
+        """Block all velocities from now on, even zero velocities; this cannot be undone."""
         with self._lock:
             self._state = GateState.CLOSED
 
     def prepare(self) -> Run:
-        """Return a new run that has not begun; from now on ``cancel`` can end it."""
+        """Create a run that begins later; from now on ``cancel`` can end it."""
         run = Run()
         with self._lock:
             self._pending = run
@@ -169,10 +174,11 @@ class VelocityGate:
         """
         Begin a run; the previous run can no longer send velocities.
 
-        :param max_gap: longest time between two messages, without the time spent in ports [s]
+        :param max_gap: longest allowed time between two messages, without the time in DDS calls
+            [s]
         :param run: the run that ``prepare`` returned; None for a new run
-        :param command_timeout: how long the robot keeps a velocity [s]; a longer gap always ends
-            the run, because the robot has then stopped by itself
+        :param command_timeout: how long the robot keeps a velocity if no new message arrives [s].
+            A longer gap always ends the run, because the robot has then stopped by itself
         :param began: t = 0 of the run [s on the clock]
         :returns: the run, for ``send``
         :raises ControlError: if the run was cancelled, the gate is not open or the latch is set
@@ -197,11 +203,12 @@ class VelocityGate:
             command that is sent
         :param kind: the purpose of the velocity
         :param due: when the velocity is due [s after t = 0]
-        :param plan_time: the position on the plan at that time [s of the plan]; None without one
-        :param skipped: how many velocities just before it were left out
+        :param plan_time: the time in the plan to which the velocity belongs [s]; None without a
+            plan
+        :param skipped: how many velocities directly before this one were left out
         :returns: when the velocity was sent [s on the clock]
-        :raises ControlError: if the run was ended, the gap was too long, or the velocity is beyond
-            the limits; then nothing was published
+        :raises ControlError: if the run was ended, the last message was sent too long ago, or the
+            velocity is beyond the limits; then nothing was published
         """
         command = self._command(velocity)
         # Without ``deferred``, Ctrl+C between the message and its event would lose the event.
@@ -232,9 +239,10 @@ class VelocityGate:
 
     def wait_for_dds(self, ask: Callable[[], None]) -> None:
         """
-        Call a function that may have to wait for DDS, and do not count this time as a gap.
+        Call a function that may have to wait for DDS, without counting this time as a gap.
 
-        :param ask: the function; measured: a graph query takes 0.17 s while nodes join or leave
+        :param ask: the function, for example a graph query, which takes up to 0.17 s while nodes
+            join or leave (measured)
         """
         began = self._gap_clock()
         self._sending.set()
@@ -270,7 +278,7 @@ class VelocityGate:
 
     def send_zero(self, after: Run | None, kind: VelocityKind = VelocityKind.STOP) -> bool:
         """
-        Publish a zero, unless the gate is not open or a newer run has begun.
+        Publish a zero velocity, unless the gate is not open or a newer run has begun.
 
         :param after: the run that this zero follows; None before the first run
         :param kind: the purpose of the zero
@@ -290,7 +298,7 @@ class VelocityGate:
             return True
 
     def _publish_guardian_stop(self, now: float) -> None:
-        """Publish one event for the guardian's first zero, if it was sent before ``now`` [s]."""
+        """Publish an event, only once, if the guardian began a stop before ``now`` [s]."""
         stopped = self._latch.guardian_stop_time
         if stopped is not None and not self._has_logged_guardian and stopped < now:
             self._has_logged_guardian = True

@@ -35,31 +35,33 @@ ROUNDING_ERROR = 1e-6
 
 
 class GuardianMessage(bytes, Enum):
-    """The messages from a node to its guardian; one byte follows the slot of the robot."""
+    """The messages from a node to its guardian; the robot's slot number precedes each byte."""
 
-    #: publish one zero and report it, so that the robot's reader is matched before a run
+    #: publish one zero velocity and report it, so that the robot's reader is matched before a run
     PRIME = b'p'
     #: the first heartbeat of a run; later ones are in the shared memory
     HEARTBEAT = b'b'
-    #: the run is over: a zero is sent next, and more zeros will follow
+    #: the run is over: a zero velocity is sent next, and more zeros will follow
     STOPPING = b'r'
     #: the complete stop was sent: no heartbeat is due until the next run
     STOPPED = b's'
-    #: the node releases the robot: leave its topic
+    #: the node releases the robot: destroy the guardian's publisher for it
     LEAVE = b'l'
 
 
 class Watchdog:
     """
-    Decides when the guardian stops the robot: at most once per run, if the node falls silent.
+    Decides when the guardian stops the robot, because the node has been silent for too long.
 
-    From the first heartbeat of a run to the last zero of its stop, the node has to send messages.
-    After the node has sent its complete stop, the guardian does not stop the robot again.
+    The node has to send messages from the first heartbeat of a run to the last zero velocity of
+    its stop.  After the node has sent its complete stop, the guardian does not stop the robot
+    again.  It stops the robot at most once per run.
 
     Time without a message counts only while the guardian runs.  If the whole machine pauses for a
-    moment, both processes are held up, and this must not end a good run.  The node checks its own
-    gaps.  Time that the node spends in DDS counts against PUBLISH_TIMEOUT instead: one publish
-    call took a third of a second while a node joined the graph (measured).
+    moment, both processes are held up, and this must not end a good run.  The node itself checks
+    the time between its velocities.  Time that the node spends in DDS calls is limited by
+    PUBLISH_TIMEOUT instead: one publish call took a third of a second while a node joined the
+    graph (measured).
 
     :param heartbeat_timeout: how long a run may go without a heartbeat [s]
     """
@@ -108,7 +110,7 @@ class Watchdog:
 
     def on_disconnect(self) -> bool:
         """
-        Process the end of the connection: the node has ended, or the guardian has to end.
+        Process the end of the connection, because the node has ended or the guardian has to end.
 
         :returns: whether the robot must be stopped now
         """
@@ -118,11 +120,14 @@ class Watchdog:
 
     def has_timed_out(self, now: float, is_publishing: bool = False) -> bool:
         """
-        Return whether the node has been silent for too long; call this after each ``timeout()``.
+        Return whether the node has been silent for too long.
+
+        Call this after each wait, which takes at most ``timeout()``.
 
         :param now: the time [s]
         :param is_publishing: whether the node is running and waits in a DDS call
-        :returns: whether the robot must be stopped now; True only once per silence
+        :returns: whether the robot must be stopped now; True only once until the next
+            heartbeat message
         """
         if self._counted is None:
             return False
@@ -139,7 +144,7 @@ class Watchdog:
         return True
 
     def timeout(self) -> float | None:
-        """Return how long to wait for the next message [s]; None if none is due."""
+        """Return how long to wait for the next message [s]; None if no message is due."""
         if self._counted is None:
             return None
         return min(WATCHDOG_PERIOD, self.allowed - self._silent)
@@ -147,9 +152,10 @@ class Watchdog:
 
 class GuardianWatch:
     """
-    Detects for the node that its guardian is frozen: it no longer processes heartbeats.
+    Detects for a node that its guardian is frozen and no longer checks heartbeats.
 
-    Only time in which the node runs counts: a pause of the whole machine holds up both processes.
+    Only time in which the node runs counts, because a pause of the whole machine holds up both
+    processes.
     """
 
     def __init__(self) -> None:
@@ -162,11 +168,10 @@ class GuardianWatch:
 
     def is_frozen(self, now: float, count: int) -> bool:
         """
-        Return whether the guardian has processed no heartbeat for GUARDIAN_TIMEOUT.
+        Return whether the guardian has checked no heartbeat for GUARDIAN_TIMEOUT.
 
         :param now: the time [s]
-        :param count: the counter of the heartbeats that the guardian has processed; it may restart
-            at 0
+        :param count: how often the guardian has checked heartbeats; the count may restart at 0
         """
         if count == self._count:
             self._silent += min(now - self._checked, 2.0 * CHECK_PERIOD)
