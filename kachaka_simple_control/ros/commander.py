@@ -100,11 +100,11 @@ class Commander:
         """
         Start a drive in a new thread.
 
-        A stop after the return of this method ends the drive, even if the robot does not move yet.
+        After this method has returned, a stop ends the drive, even if the robot does not move yet.
 
         :param drive: the function that drives, called with the request
         :returns: a text that says what was done
-        :raises ControlError: if the drive is refused now
+        :raises ControlError: if the drive is refused
         """
         request = self._session.request(elsewhere=True)
 
@@ -125,7 +125,7 @@ class Commander:
         Start a drive for a client, unless a stop is requested at the same time.
 
         :param drive: the function that drives, called with the request
-        :raises ControlError: if the drive is refused now
+        :raises ControlError: if the drive is refused
         """
         self.stop_requests.require_none()
         return self.start(drive)
@@ -141,9 +141,9 @@ class Commander:
 
     def pause(self) -> str:
         """
-        Pause the motion: bring the robot to rest within its limits, and hold it there.
+        Pause the motion: bring the robot to rest within its limits, and keep it at rest.
 
-        If no motion is under way, the next motion is held at its start.
+        If no motion is under way, the next motion is paused at its start.
 
         :returns: a text that says what was done
         """
@@ -203,7 +203,7 @@ class Commander:
 
         The result is never above 1 (full speed), and never below the size of the step.
 
-        :param step: the change; negative to drive slower
+        :param step: the change of the factor; negative to drive slower
         """
         factor = self._factor.factors.get(OVERRIDE, 1.0)
         self.set_speed(min(1.0, max(abs(step), round(factor + step, 2))))

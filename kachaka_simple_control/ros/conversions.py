@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def twist(velocity: Velocity) -> Twist:
-    """Return a velocity as a Twist message: linear x and angular z; the rest is zero."""
+    """Return a velocity as a Twist message; all values except linear x and angular z are zero."""
     message = Twist()
     message.linear.x = velocity.linear_x
     message.angular.z = velocity.angular_z
@@ -48,7 +48,7 @@ def odometry(
     """
     Return an Odometry message.
 
-    The covariances are zero: zero means unknown.
+    The covariances are zero, because they are unknown.
 
     :param pose: the pose of the robot in ``frame_id``
     :param velocity: the velocity of the robot in ``child_frame_id``

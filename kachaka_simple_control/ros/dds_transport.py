@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Set the DDS transport: UDP without shared memory and, on request, this machine only."""
+"""Set the DDS transport to UDP without shared memory and, on request, to this machine only."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ import re
 from kachaka_simple_control.errors import UsageError
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-#: The variable that lists other machines; they are discovered in spite of the range.
+#: The variable that lists other machines; they are discovered even outside the discovery range.
 PEERS = 'ROS_STATIC_PEERS'
-#: The variable that Humble reads instead of the range.
+#: The variable that Humble reads instead of the discovery range.
 LOCALHOST_ONLY = 'ROS_LOCALHOST_ONLY'
 TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 #: Variables that name a file of XML profiles, by the major version of Fast DDS.
 PROFILES = {2: 'FASTRTPS_DEFAULT_PROFILES_FILE', 3: 'FASTDDS_DEFAULT_PROFILES_FILE'}
-#: The Fast DDS of Humble, whose rclpy does not know the range.
+#: The Fast DDS version (major, minor) of Humble.  Humble does not know the discovery range.
 HUMBLE = (2, 6)
-#: All variables by which a user chooses the transport or the range.
+#: All variables with which a user chooses the transport or the discovery range.
 CHOICES = (RANGE, PEERS, LOCALHOST_ONLY, TRANSPORTS, *PROFILES.values())
 #: Our XML profiles: UDP without shared memory, to all machines or to this machine only.
 UDP, LOOPBACK = (Path(__file__).with_name(name) for name in ('udp.xml', 'loopback.xml'))
@@ -65,10 +65,10 @@ def use_localhost_only() -> None:
 
     Like the ROS range, the profile also sends announcements by unicast to the first 32
     participants of this machine.  Nodes with the ROS range need this: they receive no multicast,
-    and they announce themselves only to these 32.  The number is not larger, because Fast DDS
-    receives nothing until it has sent all these announcements: the answer of a fast robot is lost.
-    With 120, every answer was lost.  The announcements are 320 small packets per second for five
-    seconds, then 128 per second, all on this machine.
+    and they announce themselves only to these 32 participants.  The number is not larger, because
+    Fast DDS receives nothing until it has sent all these announcements, and the answer of a fast
+    robot is lost.  With 120 participants, every answer was lost.  The announcements are 320 small
+    packets per second for five seconds, then 128 per second, all on this machine.
 
     Both profiles announce a participant ten times per second for five seconds, then once per
     second (on this machine only: four times per second).  The default of Fast DDS is five
@@ -90,8 +90,8 @@ def start_on_this_machine(own: object) -> None:
     """
     Restrict ROS to this machine, and initialise ROS if needed.
 
-    A simulated robot has the same names as a real robot.  If other machines could see it, their
-    drives of a real robot would end.
+    A simulated robot has the same names as a real robot.  If programs on other machines discovered
+    the simulated robot, they would end their drives of a real robot.
 
     :param own: the node that is being created
     :raises UsageError: if it is too late to restrict ROS to this machine
@@ -142,7 +142,8 @@ def _use_profile(profile: Path) -> bool:
     """
     Make Fast DDS read an XML profile.
 
-    :returns: whether Fast DDS will read it: it is a known version, and the file exists
+    :returns: whether Fast DDS will read the profile, because its version is known and the file
+        exists
     """
     version = _fast_dds()
     if version in (None, HUMBLE) or not profile.is_file():
@@ -152,7 +153,7 @@ def _use_profile(profile: Path) -> bool:
 
 
 def _is_humble() -> bool:
-    """Return whether this ROS is Humble: Humble does not read the discovery range."""
+    """Return whether this ROS is Humble, which does not read the discovery range."""
     return _fast_dds() == HUMBLE or os.environ.get('ROS_DISTRO') == 'humble'
 
 

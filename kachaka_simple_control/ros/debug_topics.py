@@ -56,13 +56,14 @@ from std_msgs.msg import Float64
 MAX_QUEUE = 200
 #: How long the publisher thread may take to end [s].
 THREAD_EXIT_TIMEOUT = 1.0
-#: Time between two counts of the subscribers [s]: a count takes longer than the rest of a call.
+#: Time between two counts of the subscribers [s].  They are not counted at each message, because a
+#: count takes longer than all other work for a message.
 SUBSCRIBER_COUNT_PERIOD = 0.2
 #: The shortest time between two messages of the driven path [s].
 MIN_PATH_PERIOD = 0.5
-#: The frame of the poses until odometry arrives and gives its frame.
+#: The frame of the poses until the first odometry message names its frame.
 FRAME = 'odom'
-#: The QoS of a topic whose late subscribers get the newest message.
+#: The QoS of a topic on which a late subscriber still gets the newest message.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -93,7 +94,7 @@ Serialize = Callable[[], bytes]
 
 class PublisherThread:
     """
-    One thread that publishes all debug topics of a node; the first message starts it.
+    One thread that publishes all debug topics of a node; the first message starts the thread.
 
     :param velocities: the publisher of the velocities that move the robot
     :param may_publish: returns whether messages may be published now
@@ -198,8 +199,8 @@ class CommandedVelocityPublisher(DebugTopic):
     """
     Publishes each velocity again on a debug topic after it was sent, while there are subscribers.
 
-    The QoS is best effort: a plot needs the newest value only.  A reliable writer has more work
-    with readers that are slow, gone or frozen.
+    The QoS is best effort, because a plot needs only the newest value.  A reliable writer has more
+    work with readers that are slow, have ended or are frozen.
 
     :param frame: the frame of the robot
     """
@@ -238,7 +239,7 @@ class DiagnosticsPublisher(DebugTopic):
     """
     Publishes a diagnosis each time ``publish`` is called, if there are subscribers.
 
-    :param robot: the name of the robot, and its velocity topic
+    :param robot: a text with the name of the robot and its velocity topic
     :param diagnose: returns the diagnosis; None if there is none
     :raises ImportError: if diagnostic_msgs is not installed
     """
@@ -262,7 +263,7 @@ class DiagnosticsPublisher(DebugTopic):
 
 class PathTopic(DebugTopic):
     """
-    A debug topic with a path.
+    A debug topic on which a path is published.
 
     :raises ImportError: if nav_msgs is not installed
     """

@@ -38,7 +38,7 @@ PARTICIPANT_LENGTH = 12
 #: The largest allowed depth of a queue [messages]: DDS reserves memory for it.
 MAX_DEPTH = 100_000
 _DEPTHS = f'from 1 to {MAX_DEPTH}'
-#: Policies that have to match, as ``QoSProfile`` names them.
+#: QoS policies of a publisher and a subscription that must be compatible.
 _POLICIES = ('reliability', 'durability', 'deadline', 'liveliness', 'liveliness_lease_duration')
 
 

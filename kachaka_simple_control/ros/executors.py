@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Executors: for a node in the background, and for a bridge; a hook before a context is shut down.
+Executors for a background node and for a bridge, and a callback before a context is shut down.
 
-A bridge has one executor for velocities, cheaper than that of rclpy, and one for the rest.
+A bridge has one executor for velocities, which needs less CPU time than an executor of rclpy, and
+one executor for all other callbacks.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ class BackgroundExecutor:
         """
         Return whether the calling thread is in a callback of the node's executor.
 
-        Such a thread must not wait for another callback: it would wait forever.
+        Such a thread must not wait for another callback, because it would wait forever.
         """
         if threading.current_thread() is self._thread:
             return True
@@ -96,7 +97,7 @@ class BackgroundExecutor:
 def spin_until_stopped(
         spin: Callable[[], None], on_error: Callable[[BaseException], None]) -> None:
     """
-    Call a function that runs callbacks, and call it again after an error, until it returns.
+    Call a function that runs callbacks, again after each error, until it returns normally.
 
     :param spin: runs callbacks until it is stopped, or until the context is shut down
     :param on_error: called with the exception that a callback raised
@@ -195,7 +196,7 @@ class SubscriptionExecutor:
     :param node: the node
     :param subscription: a subscription of the node, in its own callback group
     :param on_message: called with each message, the oldest first
-    :param raw: whether the messages stay serialized
+    :param raw: whether ``on_message`` gets serialized messages (bytes)
     """
 
     def __init__(

@@ -40,14 +40,14 @@ class ForeignMessages:
     Detects velocities that other programs send to the robot.
 
     It subscribes to the velocity topic while another program has a publisher on this topic.  A
-    publisher alone proves nothing: it may never send.  Without such a publisher there is no
-    subscription and no cost.
+    publisher alone does not prove that the other program drives, because it may never send.
+    Without such a publisher there is no subscription, and so no CPU load.
 
     :param node: the node that publishes
     :param publisher: the publisher of velocities of this node
     :param other_publishers: returns the node names of the publishers of other programs
-    :param is_latched: returns whether the guardian has stopped the robot; zeros then come from
-        the guardian and are ignored
+    :param is_latched: returns whether the guardian has stopped the robot; after this, zero
+        velocities come from the guardian and are ignored
     :param on_message: called in the executor's thread for each message of another program, with a
         description of the sender; not called while ``detect`` waits
     """
@@ -113,7 +113,7 @@ class ForeignMessages:
 
     def require_none(self, check: Callable[[], None]) -> None:
         """
-        Check that no other program drives the robot, before this program takes it.
+        Check that no other program drives the robot, before this program starts to drive it.
 
         :param check: called while waiting; an exception from it ends the wait
         :raises RobotTakenError: if another program drives the robot
@@ -126,7 +126,7 @@ class ForeignMessages:
 
     def taken(self, sender: str) -> RobotTakenError:
         """
-        Return the error that another program drives the robot, so this program cannot take it.
+        Return the error for the case that another program drives the robot already.
 
         :param sender: the description of the other program, from ``describe_sender``
         """

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The guardian's program: it stops robots if the program that drives them cannot.
+The program of the guardian, which stops robots if the program that drives them cannot.
 
-It has its own DDS participants, so it can still publish after the other program has ended.
+It has its own DDS participants, so it can still publish after the driving program has ended.
 """
 
 from __future__ import annotations
@@ -85,8 +85,8 @@ class GuardedRobot:
     A robot that the guardian stops: its publishers and its watchdog.
 
     :param slot: the memory that is shared with the node for this robot
-    :param topic: its velocity topic, after remapping
-    :param command_timeout: how long it keeps a velocity [s]
+    :param topic: the velocity topic of the robot, after remapping
+    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     :param message_type: Twist or TwistStamped
     :param frame: the frame in the header of a stamped message
     """
@@ -98,9 +98,9 @@ class GuardedRobot:
         self._arguments = topic, message_type, frame
         self._command_timeout = command_timeout
         self.watchdog = Watchdog()
-        #: whether a publisher has a subscriber
+        #: whether one of the publishers has a matched subscriber
         self.is_matched = False
-        #: its publishers by their nodes, the newest last; only one after it is matched
+        #: the publishers for this robot by node, the newest last; only one is left after the match
         self._publishers: dict[GuardianNode, VelocityPublisher] = {}
         self._stopping: list[threading.Thread] = []
 
@@ -115,7 +115,7 @@ class GuardedRobot:
         return any(thread.is_alive() for thread in self._stopping)
 
     def join(self, node: GuardianNode) -> None:
-        """Create a publisher on a node."""
+        """Create a publisher for this robot on a node."""
         self._publishers[node] = VelocityPublisher(node.node, *self._arguments)
 
     def match(self) -> bool:
@@ -128,25 +128,25 @@ class GuardedRobot:
         return self.is_matched
 
     def keep_newest(self) -> None:
-        """Keep only the newest publisher."""
+        """Keep only the newest publisher for this robot."""
         self._keep([*self._publishers][-1])
 
     def leave(self) -> None:
-        """Destroy the publishers."""
+        """Destroy the publishers for this robot."""
         self._keep(None)
 
     def send_zero(self) -> bool:
-        """Publish one zero; return True."""
+        """Publish one zero velocity; return True, which tells ``send_stop`` to continue."""
         [*self._publishers.values()][-1].transmit(ZERO)
         return True
 
     def begin_stop(self) -> None:
-        """Set the latch and send the first zero of a stop."""
+        """Set the latch, which blocks all motion of the node, and send one zero velocity."""
         self.slot.latch.trip(time.monotonic())
         self.send_zero()
 
     def finish_stop(self) -> None:
-        """Send the whole stop in a thread: meanwhile other robots must be guarded."""
+        """Send the complete stop in a thread, because other robots must be guarded meanwhile."""
         self._stopping = run_in_threads(
             [partial(send_stop, self.send_zero, self._command_timeout)])
 
@@ -165,8 +165,9 @@ class GuardianNodes:
     """
     Creates the nodes of the guardian: one for all robots, and more until each robot is matched.
 
-    If a robot is not matched within a timeout, the next node joins the graph.  Nodes that no robot
-    needs leave it.  If a robot is not matched by any node, its newest publisher remains.
+    A robot is matched when a publisher of the guardian has discovered its subscription.  If this
+    does not happen within a timeout, the next node joins the graph.  Nodes that no robot needs
+    are ended.  If no node matches a robot, the newest publisher for this robot remains.
 
     The reason: Fast DDS announces a participant before it listens.  A robot on the same machine
     answers each new participant once.  If the answer comes too early, it is lost.  Then the robot
@@ -184,7 +185,7 @@ class GuardianNodes:
         self._join_at = math.inf
 
     def add(self, robot: GuardedRobot) -> None:
-        """Create a publisher for a robot."""
+        """Create a publisher for a robot, and start the timeout for the next node."""
         if not self._nodes:
             self._nodes.append(self._create())
         robot.join(self._nodes[-1])
@@ -193,9 +194,9 @@ class GuardianNodes:
 
     def update(self, robots: Collection[GuardedRobot]) -> None:
         """
-        Let the next node join for robots that are not matched, and unused nodes leave.
+        Create the next node if a robot is not matched in time, and end unused nodes.
 
-        Do not call this while a robot is driven: meanwhile Python may run no other thread.
+        Do not call this while a robot is driven, because Python may run no other thread meanwhile.
 
         :param robots: all robots
         """
@@ -220,16 +221,17 @@ class GuardianNodes:
         self._join_at = time.monotonic() + timeout
 
     def end(self) -> None:
-        """Let all nodes leave."""
+        """End all nodes of the guardian."""
         for node in self._nodes:
             node.end()
 
 
 class GuardianProgram:
     """
-    Reads the messages of the node, publishes zeros on request, and stops robots.
+    Reads the messages of the node, publishes zero velocities on request, and stops robots.
 
-    A robot is stopped if its heartbeats stop, or if the node ends before its complete stop.
+    The guardian stops a robot if the heartbeats of its node stop, or if the node ends before it
+    has sent a complete stop.
 
     :param memory: the memory that is shared with the node
     :param nodes: creates the nodes that publish
@@ -241,7 +243,7 @@ class GuardianProgram:
         self._node_pid = os.getppid()
         self._robots: dict[int, GuardedRobot] = {}
         self._claims: dict[int, Sequence[int]] = {}
-        #: the slots of the robots that the node releases
+        #: the slot numbers of the robots that the node releases
         self._leaving: set[int] = set()
 
     def serve(self, messages: int, robots: socket.socket, signals: int) -> None:
@@ -325,9 +327,9 @@ class GuardianProgram:
 
     def _stop(self, reasons: dict[int, str]) -> None:
         """
-        Stop robots: first send one zero to each of them, then the whole stop to each.
+        Stop robots: first send one zero velocity to each robot, then the complete stop to each.
 
-        :param reasons: for the slot of each robot the reason
+        :param reasons: the reason for the stop of each robot, by slot number
         """
         for number in reasons:
             with contextlib.suppress(Exception):  # the other robots must be stopped all the same
@@ -391,7 +393,7 @@ def _report(line: str) -> None:
 
 def _handle_signals() -> int:
     """
-    Handle SIGTERM, and ignore SIGINT and SIGHUP: the node handles them.
+    Handle SIGTERM, and ignore SIGINT and SIGHUP, because the node handles them.
 
     :returns: a file descriptor that becomes readable at SIGTERM
     """

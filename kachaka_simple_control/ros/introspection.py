@@ -63,7 +63,7 @@ class IntrospectionPublishers:
     The publishers of all debug topics of a node.
 
     If one publisher fails, the error is logged once, and this publisher publishes nothing more.
-    The drive goes on.
+    The drive continues.
 
     :param velocities: the publisher of the velocities that move the robot
     :param profile: the kind of robot

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The client of the service that switches manual control of a robot."""
+"""The client of the service that switches manual control of a robot on and off."""
 
 from __future__ import annotations
 
@@ -61,14 +61,15 @@ class ManualControlClient:
             timeout: float = math.inf) -> None:
         self._service = service
         self._timeout = timeout
-        #: time of the newest request [s on the steady clock]; None if it was released later
+        #: time of the newest request to switch manual control on [s on the steady clock]; None if
+        #: there was none, or manual control was released later
         self._requested: float | None = None
         # A separate callback group: after Ctrl+C in a callback, the group of this callback stays
         # blocked, but the response to the release must still be received.
         self._client = node.create_client(
             SetBool, service, callback_group=MutuallyExclusiveCallbackGroup()) if service else None
         self._check = check
-        #: whether anything was ever requested
+        #: whether any request was ever sent
         self.was_requested = False
 
     @property

@@ -43,7 +43,8 @@ class RobotNames:
 
     :param velocity: the topic on which the robot receives velocities
     :param odometry: the topic of the odometry; None if the robot has no odometry
-    :param manual_control: the service that switches manual control; None if it is not used
+    :param manual_control: the service that switches manual control on and off; None if it is not
+        used
     """
 
     velocity: str

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The parameters of the node and their values on a command line; without ROS."""
+"""The parameters of the node, and their values on a command line; this module needs no ROS."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class NodeParameters:
     The values of the node's parameters at its start.
 
     All parameters except ``speed_factor`` are read-only.  So the parameters of a plan do not
-    change while it runs.
+    change while the plan runs.
     """
 
     robot: str = _parameter(
@@ -114,9 +114,9 @@ def _assignments(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 def require_parameters_only(option: str, arguments: Sequence[str]) -> None:
     """
-    Refuse ROS arguments that an option without ROS cannot use.
+    Refuse ROS arguments that have no effect together with an option that only shows a plan.
 
-    Such an option shows a plan and does not start ROS.  It accepts only ``-p NAME:=VALUE``.
+    Such an option does not start ROS.  It accepts only ``-p NAME:=VALUE``.
 
     :param option: the name of the option, for the error message
     :param arguments: the ROS arguments, from ``--ros-args`` on

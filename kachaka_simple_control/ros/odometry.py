@@ -37,13 +37,13 @@ THREAD_EXIT_TIMEOUT = 2.0
 
 class OdometryReader:
     """
-    Receives odometry in a thread of its own, which spends little CPU time on a message.
+    Receives odometry in its own thread, which needs little CPU time for each message.
 
-    An executor of rclpy waits for everything of the node anew after each message, and converts
-    all 72 numbers of covariance.  This thread waits for one subscription, and reads what is
-    needed from the serialized message.
+    After each message, an rclpy executor builds a new wait set with all entities of the node.  It
+    also converts all 72 covariance values.  This thread waits for one subscription only, and reads
+    only the needed values from the serialized message.
 
-    :param subscription: the subscription, in a callback group of its own
+    :param subscription: the subscription, in its own callback group
     :param on_frame: called with the frame of the poses, before the first pose in this frame
     """
 
@@ -64,13 +64,14 @@ class OdometryReader:
         :param on_odometry: called for each message, with the time of arrival [s on the steady
             clock], the pose, the velocity, and whether the message is new: its stamp is later than
             the stamp of the previous message, or is not set
-        :param on_error: called with the exception that a function raised
+        :param on_error: called in the thread with an exception that ``on_odometry`` or
+            ``on_frame`` raised
         """
         self._on_odometry, self._on_error = on_odometry, on_error
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread; in the thread itself, do not wait for its end."""
+        """End the thread, and wait for its end unless it is the calling thread."""
         if self._thread.is_alive():
             self._executor.stop()
             if threading.current_thread() is not self._thread:
@@ -96,7 +97,7 @@ def subscribe_to_odometry(
     """
     Subscribe to odometry, unless the robot has no odometry or nav_msgs is not installed.
 
-    :param names: the names of the robot, before remapping
+    :param names: the names of the robot's topics and services, before remapping
     :param on_frame: called with the frame of the poses, before the first pose in this frame
     :returns: the reader, which is not started yet; None without a subscription
     :raises UsageError: if a parameter requests an invalid quality of service

@@ -97,7 +97,7 @@ def session_started(
 
     :param title: the name of the motion, for displays and reports
     :param profile: the kind of robot
-    :param names: the names of the robot, before remapping
+    :param names: the names of the robot's topics and services, before remapping
     :param parameters: the parameters of the node
     :param about: further fields of the event, set by the command
     """

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The claim on a robot: only one program may drive a robot, and only one may be its bridge."""
+"""The claim on a robot: only one program may drive it, and only one may be its bridge."""
 
 from __future__ import annotations
 
@@ -90,10 +90,11 @@ class RobotClaim:
         """
         Take the claim on this machine, and request it on the network.
 
-        Do nothing if this program holds the claim already.  Call ``hold`` or ``withdraw`` next.
+        Do nothing if this object holds the claim already.  Call ``hold`` or ``withdraw`` next.
 
         :param check: called while waiting; an exception from it ends the wait
-        :raises RobotTakenError: if another program holds the claim; the message names this program
+        :raises RobotTakenError: if another program or another node of this program holds the
+            claim; the message describes the holder
         """
         who = f'{self._node_name} (process {os.getpid()}'
         since = f'since {time.strftime("%H:%M:%S")})'
@@ -114,7 +115,7 @@ class RobotClaim:
             self._network.hold()
 
     def withdraw(self) -> None:
-        """Cancel the request for the claim on the network; a claim that is held stays held."""
+        """Cancel the request for the claim on the network; do not release a claim that is held."""
         if self._network is not None:
             self._network.withdraw()
 
@@ -171,11 +172,12 @@ class _NetworkClaim:
 
     def take(self, who: str, check: Callable[[], None]) -> str | None:
         """
-        Publish that the claim is wanted, and wait until it is decided.
+        Publish that this program wants the claim, and wait until it is clear who gets the claim.
 
         :param who: the description of this program
         :param check: called while waiting; an exception from it ends the wait
-        :returns: the description of the program that blocks the claim; None if it may be held
+        :returns: the description of the program that gets or has the claim; None if this program
+            gets it
         """
         if self._state == HELD:
             return self.holder()
@@ -209,7 +211,7 @@ class _NetworkClaim:
             self._set_state(RELEASED)
 
     def holder(self) -> str | None:
-        """Return a description of the other program that holds the claim; None without one."""
+        """Return a description of the other program that holds the claim; None if none does."""
         claim = self._claims.holder(time.monotonic())
         return None if claim is None else claim.who
 
@@ -217,7 +219,8 @@ class _NetworkClaim:
         """
         Release the claim.
 
-        After a conflict, wait first until the other program has received our claim.
+        If another program held the claim at the same time, first wait until that program has
+        received our claim.
         """
         if self._conflict_found is not None:
             time.sleep(max(0.0, self._conflict_found + CLAIM_CONFLICT_TIME - time.monotonic()))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The connection with one robot: take it for a drive, and release it."""
+"""The connection with one robot: get control of the robot for a drive, and release it."""
 
 from __future__ import annotations
 
@@ -50,21 +50,21 @@ from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.context import Context
 from rclpy.node import Node
 
-#: Raises the reason if the drive that waits for the robot was stopped.
+#: A function that raises an error if the drive was stopped while it waited for the robot.
 Check = Callable[[], None]
 
 
 @dataclass
 class RobotConnection:
     """
-    Takes a robot for a drive, and releases it.
+    Gets control of a robot for a drive, and releases the robot.
 
-    A robot is taken in this order: find it, claim it, check that nobody else drives it, enable
-    manual control, open the gate, send zeros.
+    The steps are: find the robot, claim it for this program, check that nobody else drives it,
+    enable manual control, open the velocity gate, send zero velocities.
 
     :param odometry_topic: the odometry topic; None if odometry is not checked
-    :param odometry: detects by odometry whether the robot moves
-    :param is_taken: whether the robot is taken; False also after a fault
+    :param odometry: detects from odometry whether the robot moves
+    :param is_taken: whether all these steps were done; False again after a drive that ended early
     """
 
     node: Node
@@ -87,7 +87,7 @@ class RobotConnection:
         Connect with the robot and enable manual control, unless both are done already.
 
         :param check: called while waiting; an exception that it raises ends the wait
-        :raises ControlError: if the robot cannot be taken
+        :raises ControlError: if this program cannot get control of the robot
         """
         self.executor.ensure_spinning()
         self.claim.require()
@@ -137,7 +137,7 @@ class RobotConnection:
 
     def _require_at_rest(self, check: Check) -> None:
         """
-        Check by odometry that the robot is at rest before this program drives it.
+        Check with odometry that the robot is at rest before this program drives it.
 
         If the robot moves now, another program drives it, or somebody pushes it.  Discovery may
         find the publisher of the other program some seconds later than the robot.  Without
@@ -170,10 +170,10 @@ class RobotConnection:
 
     def _prime(self, check: Check) -> None:
         """
-        Send zeros for the parameter ``prime_time`` before the first motion.
+        Send zero velocities for the time ``prime_time`` (a parameter) before the first motion.
 
-        The reason: the robot's reader matches later than our writer, and until then messages are
-        lost.
+        The reason: the robot's reader matches later than our writer, and messages that are sent
+        before it has matched are lost.
         """
         end, count = time.monotonic() + self.parameters.prime_time, self.guardian.prime_count
         while time.monotonic() < end:
@@ -197,9 +197,10 @@ def start_guardian(
         node: Node, publisher: VelocityPublisher, profile: RobotProfile,
         parameters: NodeParameters, claim: int) -> Guardian | NullGuardian:
     """
-    Let a guardian stop the robot if this program cannot, unless ``guardian`` is false.
+    Make the guardian guard a robot, unless the parameter ``guardian`` is false.
 
-    One process guards all robots of a ROS context; the first robot starts it.
+    The guardian is a separate process, which stops the robot if this program cannot.  One process
+    guards all robots of a ROS context; the first robot starts the process.
 
     :param claim: the file descriptor of the claim on the robot; the guardian keeps it open while
         it guards the robot
@@ -229,9 +230,10 @@ def wait_for_rest(
     """
     Wait until odometry shows the robot at rest, before a closed loop begins.
 
-    :param name: the name of the odometry in errors
+    :param name: the name of the odometry in error messages
     :param check: called while waiting; an exception that it raises ends the wait
-    :raises MotionRefusedError: if odometry shows motion, stands still or is missing
+    :raises MotionRefusedError: if after FEEDBACK_START_TIMEOUT odometry still shows motion, its
+        time stamps do not change, or no odometry has arrived
     """
     def is_at_rest() -> bool:
         check()

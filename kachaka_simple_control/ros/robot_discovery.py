@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Find the robot in the ROS graph, and check that there is one robot and it is not replaced."""
+"""Find the robot in the ROS graph, and check that it is the only one and was not replaced."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ class RobotDiscovery:
     subscription to the velocities identifies it.
 
     :param node: the node whose graph is read
-    :param names: the names of the robot, before remapping
+    :param names: the names of the robot's topics and services, before remapping
     :param publisher: the publisher of velocities
     :param manual_control: the client whose service must be available if the robot needs it
-    :param guardian: the guardian; its publisher belongs to this program, and must be matched
-        before a run
+    :param guardian: the guardian of the robot; its publisher counts as a publisher of this
+        program, and must be matched before a run
     """
 
     def __init__(

@@ -84,12 +84,12 @@ class Session:
             names: RobotNames, parameters: NodeParameters,
             publish: Callable[[Event], None], reader: OdometryReader | None) -> None:
         self._node = node
-        #: corrects velocities by odometry; None without the parameter ``closed_loop``
+        #: corrects velocities with odometry; None without the parameter ``closed_loop``
         self._feedback = PoseFeedback(
             profile.feedback_delay(), profile.odometry_calibration) if (
                 parameters.closed_loop) else None
         self._feedback_topic = names.odometry
-        #: detects by odometry whether the robot moves
+        #: detects from odometry whether the robot moves
         self.odometry = StandstillDetector()
         self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._on_conflict)
         self._publisher = publisher
@@ -158,7 +158,7 @@ class Session:
 
         After this call a stop ends the drive, even if the drive has not begun yet.
 
-        :param elsewhere: whether another thread will drive
+        :param elsewhere: whether another thread will drive, and not the calling thread
         :returns: the request, for ``drive``
         :raises ControlError: if another drive is under way, no motion may start again, or the
             calling thread must not drive
@@ -181,7 +181,8 @@ class Session:
         :param request: the request that ``request`` returned; None to make a new request
         :returns: the plan, which was driven to its end
         :raises InvalidMotionError: if the robot cannot do the motion; the robot has not moved
-        :raises ControlError: if the robot could not be taken, or the run ended before its end
+        :raises ControlError: if this program could not get control of the robot, or the run ended
+            early
         """
         request = request or self.request()
         is_complete = False
@@ -213,7 +214,7 @@ class Session:
         return plan
 
     def _prepare(self, order: DriveOrder, plan: Plan, request: DriveRequest) -> None:
-        """Take the robot, and prepare the feedback, the stopper and the monitor for a run."""
+        """Get control of the robot, and prepare the parts of the session for a run."""
         self._request, self._has_reported = request, False
         self._require_not_stopped()
         self._connection.take(self._require_wanted)
@@ -249,10 +250,10 @@ class Session:
 
     def stop(self, caller: str) -> str:
         """
-        Stop the robot, and return when the stop is complete.
+        Stop the robot, and wait until the stop is complete.
 
         This also ends a drive of another thread, even if it has not begun yet.  Nothing is sent if
-        the robot was not taken, or was stopped before.
+        this node has not got control of the robot yet, or the robot was stopped before.
 
         :param caller: the name of the caller, for the error that the other thread raises
         :returns: a text that says what was done
@@ -305,7 +306,7 @@ class Session:
         :param now: the time of arrival [s on the steady clock]
         :param pose: the pose of the robot
         :param velocity: the velocity of the robot
-        :param is_new: whether its stamp is later than the stamp of the previous message
+        :param is_new: whether the stamp of the message is later than that of the previous message
         """
         self.odometry.on_odometry(now, velocity)
         if self._feedback is not None and is_new:
@@ -314,10 +315,10 @@ class Session:
 
     def check_resume(self, even_if_moved: bool) -> None:
         """
-        Check whether a held run may go on; without a run check only that motions are allowed.
+        Check that a paused run may continue; without a run, only check that motions are allowed.
 
-        :param even_if_moved: whether the run may go on from the new pose if the robot was moved
-        :raises ControlError: if the run may not go on
+        :param even_if_moved: whether the run may continue from the new pose if the robot was moved
+        :raises ControlError: if the run may not continue
         """
         self._require_not_stopped()
         if not self._requests.is_busy or not self._connection.is_taken:
@@ -366,9 +367,10 @@ class Session:
     @property
     def guardian_memory(self) -> tuple[int, int] | None:
         """
-        Return the descriptor of the memory that is shared with the guardian, and the robot's slot.
+        Return the file descriptor of the memory shared with the guardian, and the robot's slot.
 
-        The value is None without a guardian.
+        The slot is the number of the part of this memory that belongs to the robot.  The value is
+        None without a guardian.
         """
         return self._guardian.shared_memory
 
@@ -402,7 +404,7 @@ class Session:
         return self._feedback
 
     def _is_still_moving(self) -> bool:
-        """Return whether more zeros are needed: the robot moves, or its odometry is lost."""
+        """Return whether a stop must continue, because the robot moves or odometry is lost."""
         now = time.monotonic()
         # After a link failure, the kernel keeps messages for 3 s, including velocities.  They must
         # be gone before our publisher is destroyed: after that, a reader drops the zeros that
@@ -426,7 +428,7 @@ class Session:
         return None
 
     def _require_wanted(self) -> None:
-        """Check that the drive was not stopped while it waits for the robot; raise the reason."""
+        """Raise the reason of a stop if the drive was stopped while it waited for the robot."""
         self._require_not_stopped()
         if self._request is not None and self._request.run.ended_by is not None:
             raise self._request.run.ended_by
@@ -454,7 +456,7 @@ class Session:
             f'another program drives the robot as well: {holder}; both stop'))
 
     def _end_run(self, reason: errors.ControlError) -> None:
-        """End the run at once with one zero; the thread that drives then sends the full stop."""
+        """End the run with one zero velocity; the driving thread then sends the complete stop."""
         # Without a drive this program moves nothing, and it must not disturb another program.
         if not self._requests.is_busy:
             return

@@ -38,10 +38,10 @@ class SessionStatus:
 
     :param subscriber_count: the number of subscribers of the node's velocities
     :param other_publishers: the names of other nodes that publish velocities
-    :param guardian: the state of the guardian
+    :param guardian: a text with the state of the guardian
     :param odometry_age: the age of the newest odometry [s]; None if none was received
-    :param manual_control: whether this node has switched manual control on
-    :param speed: the speed factors that reduce the speed
+    :param manual_control: a text that says whether this node has switched manual control on
+    :param speed: a text with the speed factors that reduce the speed
     :param stopped_by: why no motion can start again; None if motions can start
     """
 

@@ -49,7 +49,8 @@ VARIABLES = {
     **dict.fromkeys(('RCUTILS_COLORIZED_OUTPUT', 'RCUTILS_LOGGING_USE_STDOUT',
                      'RCUTILS_LOGGING_BUFFERED_STREAM'), ('0', '1')),
 }
-#: The advice for an argument that ROS could not parse, by the first word of its kind.
+#: The advice for an argument that ROS could not parse.  The key is the first word of the kind of
+#: argument in the error message of ROS.
 HINTS = {
     'remap': 'write -r FROM:=TO, with names as in /kachaka/cmd_vel',
     'parameter': 'write -p NAME:=VALUE, with a value as in YAML',
@@ -174,10 +175,10 @@ def check_node_names(
         node: Node, robot: RobotNames, topics: Iterable[str], services: Iterable[str],
 ) -> None:
     """
-    Check that no topic or service name of a node is too long, or is equal to another after remaps.
+    Check that the topic and service names of a node are short enough and differ after remapping.
 
     :param node: the node, before it has created its topics and services
-    :param robot: the names of the robot
+    :param robot: the names of the robot's topics and services, before remapping
     :param topics: the node's own topics, without the topics that every node has
     :param services: the node's own services, without the services that every node has
     :raises UsageError: if a name is too long, or two names are equal after remapping
@@ -205,7 +206,11 @@ def _check_distinct(
 
 
 def _resolved(node: Node, name: str, kind: str) -> str:
-    """Return the full name of a topic or service, after namespace and remapping; check it."""
+    """
+    Return the full name of a topic or service, with namespace and remapping applied.
+
+    :raises UsageError: if the full name is invalid or too long
+    """
     resolve = node.resolve_topic_name if kind == 'topic' else node.resolve_service_name
     try:
         resolved, is_valid = resolve(name), True

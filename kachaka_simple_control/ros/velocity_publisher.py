@@ -28,7 +28,7 @@ from rclpy.serialization import serialize_message
 
 #: Message types by the names that robot profiles use.
 TYPES = {'Twist': Twist, 'TwistStamped': TwistStamped}
-#: Depth of the publisher's queue, as in the lesson [messages].
+#: Depth of the publisher's queue [messages]; the original lesson program uses the same depth.
 DEPTH = 10
 
 
@@ -45,7 +45,7 @@ class VelocityPublisher:
     The usual method ``publish`` refuses every message.  All other attributes (``topic_name``,
     ``get_subscription_count()``, ...) are the attributes of the wrapped rclpy publisher.
 
-    :param topic: where velocities are published
+    :param topic: the topic on which velocities are published
     :param message_type: Twist or TwistStamped
     :param frame: the frame in the header of a stamped message
     """
