@@ -13,7 +13,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The node of the lesson, and the lesson itself."""
+"""The node that drives a robot, and the lesson, which drives it through seven movements."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ NAME = 'kachaka_simple_control'
 SERVICES = ('~/stop', '~/run', '~/pause', '~/resume')
 
 
-#: The sessions of all nodes: when the program ends, their robots stop at the same time.
+#: The sessions of all nodes, so that their robots stop at the same time when the program ends.
 _sessions = Closers()
 # Called at import, because a script may fail before it creates a node.
 signal_dispatcher.handle_uncaught()
@@ -73,7 +73,7 @@ class KachakaSimpleControl(Node):
     """
     Drives a robot with exactly timed velocities, and stops it at the end.
 
-    Control is feedforward, unless the parameter ``closed_loop`` is set.
+    The velocities are sent as planned (feedforward), unless the parameter ``closed_loop`` is set.
 
     Positive ``linear_x`` is forward [m/s], positive ``angular_z`` turns left [rad/s] (REP-103).
     The robot is stopped before the program ends, also after a signal or an exception.
@@ -83,7 +83,7 @@ class KachakaSimpleControl(Node):
     :ivar event_bus: publishes the events of each drive
     :ivar session: the connection with the robot, for internal use by the command
     :ivar commander: the functions that services and keys call, for internal use by the command
-    :ivar publisher: the publisher of velocities, for inspection only; its ``publish()`` raises
+    :ivar publisher: the publisher of velocities, for inspection only; ``publish()`` always fails
     """
 
     def __init__(
@@ -156,10 +156,10 @@ class KachakaSimpleControl(Node):
 
     def move_robot(self, linear_x: float, angular_z: float, duration: float) -> None:
         """
-        Hold a velocity for an exact duration, then send a zero and return.
+        Drive at a velocity for an exact duration, then send a zero velocity and return.
 
         The first movement waits for the robot and enables its manual control.  If no movement
-        follows at once, a whole stop is sent.
+        follows at once, the complete stop sequence is sent.
 
         :param linear_x: forward velocity [m/s], negative backwards; odometry does not correct it
         :param angular_z: turning velocity [rad/s], positive to the left
@@ -183,13 +183,13 @@ class KachakaSimpleControl(Node):
     def run(self, motion: Motion, limits: Limits | None = None,
             request: DriveRequest | None = None) -> None:
         """
-        Drive a motion with exact timing, and return after its last zero.
+        Drive a motion with exact timing, and return after the zero velocity at its end.
 
         With the parameter ``closed_loop``, odometry corrects the velocities during the motion, and
         the heading at its end.
 
         The first drive waits for the robot and enables its manual control.  If no drive follows
-        at once, a whole stop is sent.
+        at once, the complete stop sequence is sent.
 
         :param motion: the motion
         :param limits: the limits for the plan; None for the robot's limits
@@ -213,7 +213,7 @@ class KachakaSimpleControl(Node):
 
     def stop_robot(self) -> None:
         """
-        Stop the robot, and end a running or waiting movement of another thread.
+        Stop the robot, and end a movement of another thread that runs or waits for the robot.
 
         Nothing is sent if this node has not yet taken control of the robot.
 
@@ -223,11 +223,11 @@ class KachakaSimpleControl(Node):
 
     def pause(self) -> None:
         """
-        Pause the motion: brake within the robot's limits, and hold.  Any thread may call this.
+        Pause the motion: brake within the robot's limits, and keep the robot at rest.
 
         A pause is not a stop: the robot brakes gently, and ``resume()`` continues the motion.  To
-        stop, call ``stop_robot()``.  Without a running motion, the next motion is held at its
-        start.
+        stop, call ``stop_robot()``.  Without a running motion, the next motion is paused at its
+        start.  Any thread may call this.
         """
         self.commander.pause()
 
@@ -246,7 +246,7 @@ class KachakaSimpleControl(Node):
         """
         Return the speed relative to the plan, from 0 to 1: the product of all factors.
 
-        Set a value above 0 and up to 1 to drive slower on the same path.  Any thread may set it.
+        Set a value from 0.01 to 1 to drive slower on the same path.  Any thread may set it.
         """
         return self.session.speed_factor.value
 
@@ -266,7 +266,7 @@ class KachakaSimpleControl(Node):
 
     @property
     def is_heard(self) -> bool:
-        """Whether the velocity topics of this node and of its guardian have a subscriber."""
+        """Whether the velocity publishers of this node and of its guardian have a subscriber."""
         return self.session.has_subscriber
 
     @property
@@ -274,7 +274,7 @@ class KachakaSimpleControl(Node):
         """
         Return the time between the start of the last stop and standstill in odometry [s].
 
-        None if the robot still moves, or there is no odometry.
+        The value is None if the robot still moves, or there is no odometry.
         """
         return self.session.stop_confirmed_after
 
@@ -319,7 +319,7 @@ class KachakaSimpleControl(Node):
         self.event_bus.flush()
 
     def _close_at_exit(self) -> None:
-        """Stop and release all robots of the program, then end what belongs to this node."""
+        """Stop and release all robots of the program, then close all parts of this node."""
         _sessions.close_all()
         self._close()
 
@@ -369,9 +369,9 @@ def play_lesson(robot_control: KachakaSimpleControl) -> None:
     """
     Drive the lesson's seven movements: forward, left and right, with a rest around each.
 
-    The one definition of the lesson: ``--plan``, ``--list`` and a report follow from these lines.
+    The lesson is defined only here: ``--plan``, ``--list`` and the report read this function.
 
-    :param robot_control: the node to drive it with
+    :param robot_control: the node that drives the robot
     """
     robot_control.move_robot(0.0, 0.0, 1.0)  # stand still for 1 s
     robot_control.move_robot(0.1, 0.0, 1.0)  # forward at 0.1 m/s for 1 s
