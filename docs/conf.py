@@ -59,6 +59,7 @@ nitpick_ignore_regex = [
     (r'py:class', r'(Axes|Figure|Point|kachaka_simple_control\.files\.yaml_document\.Node)'),
     (r'py:.*', r'(Any|Callable|Enum|Exception|NoReturn|RuntimeError|ValueError|SystemExit)'),
     (r'py:.*', r'(Field|Footprint|FrameType|Iterator|Path|Sequence|TracebackType)'),
+    (r'py:exc', 'ExternalShutdownException'),
     (r'py:class', r'(Executor|Node|Publisher|Time|Twist|Context|Protocol)'),
     (r'py:class', r'(DiagnosticArray|Odometry)'),
     (r'py:class', r'(bool|bytes|dict|float|int|list|None|object|str|tuple|type|BaseException)'),

@@ -111,7 +111,7 @@ def _along(limit: float, rate: float) -> float:
 
 
 @dataclass(frozen=True)
-class _TimedPath(ABC):
+class TimedPath(ABC):
     """
     A path segment with its timing: the base class of both kinds of trajectories.
 
@@ -138,7 +138,7 @@ class _TimedPath(ABC):
         return self.segment.velocity(min(max(0.0, distance / duration), self.max_rate))
 
 
-class ConstantVelocity(_TimedPath):
+class ConstantVelocity(TimedPath):
     """
     A segment with one constant velocity, which is sent repeatedly at the rate of the plan.
 
@@ -203,7 +203,7 @@ class ConstantVelocity(_TimedPath):
 
 
 @dataclass(frozen=True)
-class ProfiledPath(_TimedPath):
+class ProfiledPath(TimedPath):
     """
     A segment driven from rest to rest along a velocity profile.
 
