@@ -32,7 +32,6 @@ from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.geometry import integrate, ORIGIN, relative_to
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Turn
-from kachaka_simple_control.ros import session
 from optional_libraries import MISSING, optional_imports
 from program import COMMAND, program
 import pytest
@@ -41,6 +40,7 @@ from waiting import wait_until
 
 NODE = ODOMETRY = TRANSIENT_LOCAL = MISSING
 with optional_imports():
+    from kachaka_simple_control.ros import session
     from rcl_interfaces.msg import Parameter as ParameterMessage
     from rcl_interfaces.msg import ParameterValue
     from rcl_interfaces.srv import SetParameters, SetParametersAtomically
