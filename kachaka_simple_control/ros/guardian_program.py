@@ -265,9 +265,10 @@ class GuardianProgram:
                 ended_by = 'the guardian was told to end'
             elif messages in readable and not (data := os.read(messages, READ_SIZE)):
                 ended_by = 'the node is gone'
-            # A robot is described before the first message about it is sent.
-            self._add_robots(robots)
-            self._on_messages(data, now)
+            if readable:
+                # A robot is described before the first message about it is sent.
+                self._add_robots(robots)
+                self._on_messages(data, now)
             self._check_heartbeats(now)
             if ended_by:
                 break
