@@ -261,10 +261,11 @@ class GuardianProgram:
             readable, _, _ = select.select(sources, [], [], self._timeout())
             now = boottime()
             data = b''
+            # A run may begin at the moment of the signal: its first heartbeat counts.
+            if messages in readable and not (data := os.read(messages, READ_SIZE)):
+                ended_by = 'the node is gone'
             if signals in readable:
                 ended_by = 'the guardian was told to end'
-            elif messages in readable and not (data := os.read(messages, READ_SIZE)):
-                ended_by = 'the node is gone'
             if readable:
                 # A robot is described before the first message about it is sent.
                 self._add_robots(robots)
