@@ -32,7 +32,11 @@ import tempfile
 import threading
 
 from kachaka_simple_control.control.processes import boottime
-from kachaka_simple_control.control.timing import GUARDIAN_EXIT_TIMEOUT, GUARDIAN_TIMEOUT
+from kachaka_simple_control.control.timing import (
+    GUARDIAN_EXIT_TIMEOUT,
+    GUARDIAN_TIMEOUT,
+    STOP_MARGIN,
+)
 from kachaka_simple_control.control.watchdog import GuardianMessage, GuardianWatch
 from kachaka_simple_control.errors import HELD_UP_ADVICE, RunFaultError, UsageError
 
@@ -187,14 +191,7 @@ class NullGuardian:
     def heartbeat(self) -> None:
         """Do nothing: there is no guardian."""
 
-    def report_stopping(self) -> None:
-        """Do nothing: there is no guardian."""
-
-    def report_stopped(self) -> None:
-        """Do nothing: there is no guardian."""
-
-    def shutdown(self) -> None:
-        """Do nothing: there is no guardian."""
+    report_stopping = report_stopped = shutdown = heartbeat
 
 
 class Guardian:
@@ -207,15 +204,21 @@ class Guardian:
     :param process: the process of the guardian
     :param number: the number of the robot's slot in the shared memory
     :param slot: the memory that both processes share for this robot
+    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     """
 
-    def __init__(self, process: GuardianProcess, number: int, slot: RobotSlot) -> None:
+    def __init__(
+            self, process: GuardianProcess, number: int, slot: RobotSlot,
+            command_timeout: float) -> None:
         self._process, self._slot = process, slot
         #: the number of the robot's slot in the shared memory
         self.number = number
+        #: how long the guardian may take to leave the robot, with a complete stop before [s]
+        self.leave_timeout = command_timeout + STOP_MARGIN + GUARDIAN_EXIT_TIMEOUT
         self._watch = GuardianWatch()
-        #: whether the guardian knows that a run is under way, and reads heartbeats from the memory
-        self._is_watching = False
+        #: whether the newest message was a heartbeat, so that the guardian now reads heartbeats
+        #: from the memory
+        self.is_watching = False
         self.latch, self.sending = slot.latch, slot.sending
         #: number of zero velocities that the guardian has published on request
         self.prime_count = 0
@@ -263,8 +266,7 @@ class Guardian:
                 f'{HELD_UP_ADVICE}')
         self._slot.heartbeat = now
         # The first heartbeat wakes the guardian.  If it has ended, the message fails.
-        if not self._is_watching or self._process.has_ended:
-            self._is_watching = True
+        if not self.is_watching or self._process.has_ended:
             self._process.send(self, GuardianMessage.HEARTBEAT)
 
     def report_stopping(self) -> None:
@@ -301,7 +303,6 @@ class Guardian:
             self.has_left.set()
 
     def _report(self, message: GuardianMessage) -> None:
-        self._is_watching = False
         self._watch.reset()
         with contextlib.suppress(RunFaultError):
             self._process.send(self, message)
@@ -374,7 +375,7 @@ class GuardianProcess:
             self._number = number
             slot = self.memory.slot(number)
             slot.clear()
-            guardian = self._guardians[number] = Guardian(self, number, slot)
+            guardian = self._guardians[number] = Guardian(self, number, slot, command_timeout)
             robot = json.dumps([number, topic, command_timeout, message_type, frame])
             try:
                 socket.send_fds(self._robots, [robot.encode()], [claim])
@@ -392,7 +393,7 @@ class GuardianProcess:
         """
         with contextlib.suppress(RunFaultError):
             self.send(guardian, GuardianMessage.LEAVE)
-        if not guardian.has_left.wait(GUARDIAN_EXIT_TIMEOUT):
+        if not guardian.has_left.wait(guardian.leave_timeout):
             self._process.kill()
         with self._adding:
             self._guardians.pop(guardian.number, None)
@@ -414,6 +415,8 @@ class GuardianProcess:
         has_left = self._guardians.get(guardian.number) is not guardian
         try:
             with self._writing:
+                # Under the lock: the end of a run may be reported while the next run begins.
+                guardian.is_watching = message is GuardianMessage.HEARTBEAT
                 os.write(-1 if has_left else self._pipe, bytes([guardian.number]) + message.value)
         except OSError as error:
             # If the pipe is broken, the guardian has ended.  If it is full, the guardian has not

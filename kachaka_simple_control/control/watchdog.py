@@ -104,8 +104,8 @@ class Watchdog:
         is_due = self._counted is not None and self.allowed == self._heartbeat_timeout
         if self._counted is not None and is_due and written != self._heartbeat:
             self._heartbeat = written
-            # A value that was read while it was written may be any number.
-            self._counted = min(max(written, self._counted), now)
+            # A value that was read while it was written may be any number, or NaN.
+            self._counted = min(max(self._counted, written), now)
             self._silent = self._publishing = 0.0
 
     def on_disconnect(self) -> bool:

@@ -177,6 +177,44 @@ def test_more_robots_than_slots_are_refused(start, claim, monkeypatch):
         process.add(*ROBOT, claim)
 
 
+def test_a_run_that_begins_while_the_run_before_is_reported_as_stopped_is_guarded(
+        start, claim, seen, monkeypatch):
+    """Its first heartbeat came before the report of another thread, and tells nothing then."""
+    process = start()
+    guardian = process.add(*ROBOT, claim)
+    guardian.heartbeat()
+    send = process.send
+
+    def send_late(sender, message):
+        if message is GuardianMessage.STOPPED:
+            monkeypatch.setattr(process, 'send', send)
+            guardian.heartbeat()
+            guardian.heartbeat()
+        send(sender, message)
+
+    guardian.report_stopping()
+    monkeypatch.setattr(process, 'send', send_late)
+    guardian.report_stopped()
+    guardian.heartbeat()
+    assert wait_until(lambda: seen() == ['1b', '1r', '1b', '1s', '1b'])
+
+
+def test_a_guardian_may_send_a_complete_stop_before_it_leaves(start, claim):
+    """To a robot that keeps a velocity for long that takes longer than to end a process."""
+    process = start("""
+import os, sys, time
+os.read(int(sys.argv[1]), 2)
+time.sleep(1.2)
+print('left 1', flush=True)
+time.sleep(5.0)
+""")
+    slow, other = process.add('/cmd_vel', 1.0, *ROBOT[2:], claim), process.add(*ROBOT, claim)
+    slow.shutdown()
+    assert slow.has_left.is_set()
+    assert not process.has_ended
+    assert other.shared_memory is not None
+
+
 @pytest.mark.parametrize('text', ['', 'import time; time.sleep(0.3)'])
 def test_a_guardian_that_has_ended_is_noticed_at_the_next_heartbeat(text, start, claim):
     process = start(text)

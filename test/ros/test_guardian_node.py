@@ -38,6 +38,7 @@ with optional_imports():
         GuardedRobot,
         GuardianNode,
         GuardianNodes,
+        GuardianProgram,
     )
     import rclpy
 
@@ -234,6 +235,21 @@ def test_all_robots_are_stopped_at_once_when_the_guardian_is_told_to_end(
     times = [one.latch.guardian_stop_time for one in robots]
     assert max(times) - min(times) < 0.05  # a whole stop takes 0.4 s
     assert len(listener.received) > 45
+
+
+def test_a_run_that_begins_at_the_moment_of_the_signal_is_stopped(nodes, shared):
+    """All that came before the guardian looked counts, and the robot with its first heartbeat."""
+    (messages, node), (signals, signalled) = os.pipe(), os.pipe()
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ours, theirs:
+        socket.send_fds(ours, [b'[1, "/cmd_vel", 0.3, "Twist", "base_link"]'], [messages])
+        os.write(node, b'\1b')
+        os.write(signalled, bytes([signal.SIGTERM]))
+        memory = GuardianMemory(shared)
+        GuardianProgram(memory, nodes).serve(messages, theirs, signals)
+    for descriptor in (messages, node, signals, signalled):
+        os.close(descriptor)
+    assert memory.slot(1).latch.guardian_stop_time is not None
 
 
 def test_one_process_guards_all_robots_of_a_context(make):
