@@ -33,8 +33,9 @@ from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.exit_codes import code_of, SIGNALLED
 from kachaka_simple_control.text import escaped, escaped_lines, MAX_LINE_LENGTH
 
-#: An error message does not name lines of code in these modules.
-OWN = (__name__.partition('.')[0], 'contextlib')
+#: An error message does not name lines of code in these modules: this package, and the standard
+#: library, which calls it in a thread or in a context manager.
+OWN = {__name__.partition('.')[0], *sys.stdlib_module_names}
 #: If this environment variable is not empty, an uncaught error of this package prints its
 #: traceback.
 TRACEBACK_VARIABLE = 'KACHAKA_SIMPLE_CONTROL_TRACEBACK'
@@ -275,9 +276,8 @@ def _except_in_thread(arguments: threading.ExceptHookArgs) -> None:
 
 
 def _place(traceback: TracebackType | None) -> str:
-    """Return the file and line of the innermost call outside this package; empty if none."""
+    """Return the file and line of the innermost call in the user's program; empty if none."""
     # Compare module names: code that dataclasses generate for a class of this package has no file.
-    # An error that passes a context manager of this package passes contextlib as well.
     frames = [summary for summary, (frame, _) in zip(
                   extract_tb(traceback), walk_tb(traceback), strict=True)
               if frame.f_globals.get('__name__', '').partition('.')[0] not in OWN]

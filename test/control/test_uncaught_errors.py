@@ -147,6 +147,18 @@ threading.Thread(target=refused).start()
         'Traceback') == 1
 
 
+def test_the_line_is_not_that_of_a_thread_that_calls_the_package(tmp_path):
+    """No line of the program is in such a call."""
+    pytest.importorskip('jsonschema', reason='needs jsonschema')
+    code, text = run("""
+import threading
+from kachaka_simple_control.files.motion_file import loads
+threading.Thread(target=loads, args=('steps:\\n- trun: 1 rad', 'a.yaml')).start()
+""", tmp_path)
+    assert code == 0
+    assert text.startswith('a.yaml:2: ')
+
+
 def test_other_errors_and_other_hooks_are_left_alone(tmp_path):
     code, text = run('raise ValueError("no")', tmp_path)
     assert (code, text.startswith('Traceback')) == (1, True)
