@@ -113,6 +113,8 @@ class KachakaSimpleControl(Node):
         try:
             self._set_up(parameter_defaults or {}, sim)
         except BaseException:
+            if hasattr(self, 'session'):
+                self.session.close()
             # A remaining publisher would be mistaken for another driving program.
             super().destroy_node()
             raise

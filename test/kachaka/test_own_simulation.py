@@ -108,6 +108,21 @@ def test_an_earlier_node_of_the_program_has_the_robot_until_it_is_destroyed(tmp_
             'destroy_node() first, or choose another robot_namespace\n') in err
 
 
+def test_a_node_that_could_not_be_made_leaves_no_thread_and_no_guardian(tmp_path):
+    """A thread in DDS could abort Python at its end."""
+    code, out, err = run("""
+import threading
+for _ in range(2):
+    try:
+        KachakaSimpleControl({"robot": "turtlebot3"}, sim=True)
+    except Exception as error:
+        print(type(error).__name__)
+print({thread.name for thread in threading.enumerate()} & {'odometry', 'executor', 'guardian'})
+""", tmp_path)
+    assert code == 0, err
+    assert out == 'UsageError\nUsageError\nset()\n'
+
+
 def test_ctrl_c_stops_and_prints_the_table(tmp_path):
     script = tmp_path / 'script.py'
     pytest.importorskip('rclpy', reason='needs ROS 2')
