@@ -49,8 +49,7 @@ ATOMIC_WRITE_SIZE = 4096
 CHUNK_SIZE = 3500
 #: Room for data that a subscriber has not read yet [bytes]: about a minute of a drive at 50 Hz.
 PIPE_SIZE = 1 << 20
-#: How long a ``SessionStarted`` or ``MotionPlanned`` may wait for room in the pipe [s].  No other
-#: event waits, because only these two are sent before the robot moves.
+#: How long an event that is not sent while the robot moves may wait for room in the pipe [s].
 PLAN_WRITE_TIMEOUT = 2.0
 #: How long a subscriber may take to end, mostly to write its report [s].
 FINISH_TIMEOUT = 60.0
@@ -136,7 +135,7 @@ class SubscriberProcess:
             command, env=processes.child_environment(), stdin=reader, stdout=stdout,
             start_new_session=True, pass_fds=pass_fds)
         os.close(reader)
-        self._plan_lock, self._counting = threading.Lock(), threading.Lock()
+        self._chunk_lock, self._counting = threading.Lock(), threading.Lock()
         #: amount of data written to the pipe [bytes]
         self.sent_bytes = 0
         #: why no more events are sent; None while all events are sent
@@ -148,17 +147,17 @@ class SubscriberProcess:
         """
         Send an event to the process, and return at once.
 
-        Only ``SessionStarted`` and ``MotionPlanned`` may wait for room in the pipe, because they
-        are sent before the robot moves.
+        Only ``SessionStarted``, ``MotionPlanned`` and an event that needs several writes may wait
+        for room in the pipe; none of them is sent while the robot moves.
         """
         if self.failure is not None:
             return
         try:
-            if isinstance(event, (SessionStarted, MotionPlanned)):
-                self._send_with_timeout(event)
+            packets = encode(event)
+            if len(packets) > 1 or isinstance(event, (SessionStarted, MotionPlanned)):
+                self._send_with_timeout(packets)
             else:
-                for packet in encode(event):
-                    self._write(packet)
+                self._write(packets[0])
         except BlockingIOError:
             self.failure = 'it did not keep up'
         except OSError as error:
@@ -188,11 +187,11 @@ class SubscriberProcess:
                 self.exit_code = self._process.wait()
         return self.exit_code
 
-    def _send_with_timeout(self, event: Event) -> None:
+    def _send_with_timeout(self, packets: Sequence[bytes]) -> None:
         # The chunks of two events must not be mixed, but a whole event may come between chunks.
         end = time.monotonic() + PLAN_WRITE_TIMEOUT
-        with self._plan_lock:
-            for packet in encode(event):
+        with self._chunk_lock:
+            for packet in packets:
                 while True:
                     try:
                         self._write(packet)

@@ -15,12 +15,14 @@
 
 import io
 import sys
+import threading
 
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.control.events import (
     MotionPlanned,
     MotionStarted,
+    SessionEnded,
     VelocitySent,
 )
 from kachaka_simple_control.motion.geometry import Velocity
@@ -71,6 +73,20 @@ def test_a_subscriber_receives_all_events():
         subscriber.send(event)
     assert subscriber.close(20.0) == 3
     assert subscriber.failure is None
+
+
+def test_large_events_of_two_threads_are_not_mixed():
+    """One of them is the end of a session with a long error."""
+    subscriber = subscriber_of(COUNT)
+    threads = [
+        threading.Thread(target=lambda event=event: [subscriber.send(event) for _ in range(50)])
+        for event in (LONG, SessionEnded(1.0, error='x' * 20_000))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert subscriber.failure is None
+    assert subscriber.close(20.0) == 100
 
 
 def test_a_subscriber_that_has_ended_does_not_delay_the_publisher():
