@@ -216,16 +216,6 @@ def outline(footprint: Footprint, pose: Pose) -> list[Point]:
     return [transform_point(corner, pose) for corner in footprint.corners()]
 
 
-def front_point(footprint: Footprint, pose: Pose) -> Point:
-    """
-    Return the point of the robot's front that is straight ahead of the axle [m].
-
-    :param footprint: the outline of the robot
-    :param pose: the pose of the axle
-    """
-    return transform_point((footprint.front, 0.0), pose)
-
-
 def transform_point(point: Point, pose: Pose) -> Point:
     """
     Convert a point from the axes of a pose to the parent frame of the pose.

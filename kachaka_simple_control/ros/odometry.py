@@ -22,17 +22,14 @@ import threading
 import time
 
 from kachaka_simple_control.motion.geometry import Pose, Velocity
+from kachaka_simple_control.ros import executors
 from kachaka_simple_control.ros.endpoints import with_qos_overrides
-from kachaka_simple_control.ros.executors import spin_until_stopped, SubscriptionExecutor
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.telemetry.cdr import read_odometry
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.subscription import Subscription
-
-#: How long the thread may take to end [s].
-THREAD_EXIT_TIMEOUT = 2.0
 
 
 class OdometryReader:
@@ -49,7 +46,8 @@ class OdometryReader:
 
     def __init__(
             self, node: Node, subscription: Subscription, on_frame: Callable[[str], None]) -> None:
-        self._executor = SubscriptionExecutor(node, subscription, self._on_message, raw=True)
+        self._executor = executors.SubscriptionExecutor(
+            node, subscription, self._on_message, raw=True)
         self._on_frame = on_frame
         self._frame: bytes | None = None
         self._newest = 0
@@ -75,21 +73,20 @@ class OdometryReader:
         if self._thread.is_alive():
             self._executor.stop()
             if threading.current_thread() is not self._thread:
-                self._thread.join(THREAD_EXIT_TIMEOUT)
+                self._thread.join(executors.THREAD_EXIT_TIMEOUT)
 
     def _run(self) -> None:
-        spin_until_stopped(self._executor.run, self._on_error)
+        executors.spin_until_stopped(self._executor.run, self._on_error)
 
     def _on_message(self, data: bytes) -> None:
-        frame, stamp, pose, velocity = read_odometry(data)
+        frame, stamp, pose, twist = read_odometry(data)
         if frame != self._frame:
             self._frame = frame
             self._on_frame(frame.decode(errors='replace'))
         is_new, self._newest = stamp > self._newest or not stamp, stamp
         # Ignore a message with a value that is NaN or infinite.
-        if math.isfinite(
-                pose.x + pose.y + pose.theta + velocity.linear_x + velocity.angular_z):
-            self._on_odometry(time.monotonic(), pose, velocity, is_new)
+        if math.isfinite(pose.x + pose.y + pose.theta + twist.linear_x + twist.angular_z):
+            self._on_odometry(time.monotonic(), pose, twist, is_new)
 
 
 def subscribe_to_odometry(

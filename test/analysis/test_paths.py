@@ -23,7 +23,7 @@ from kachaka_simple_control.analysis.paths import (
     MAX_POINTS,
     polyline,
 )
-from kachaka_simple_control.motion.geometry import front_point, ORIGIN, outline, Pose
+from kachaka_simple_control.motion.geometry import ORIGIN, outline, Pose
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat
 from kachaka_simple_control.report.plot_style import round_step, velocity_steps
 from plans import BACK, BOX, DISC, HOUR, preview, QUARTER, SQUARE
@@ -104,13 +104,11 @@ def test_outlines_turn_about_the_axle():
         (0.25, -0.1), (0.25, 0.1), (-0.15, 0.1), (-0.15, -0.1))]
     assert outline(BOX, Pose(1.0, 2.0, QUARTER)) == [pytest.approx(corner) for corner in (
         (1.1, 2.25), (0.9, 2.25), (0.9, 1.85), (1.1, 1.85))]
-    assert front_point(BOX, Pose(1.0, 2.0, QUARTER)) == pytest.approx((1.0, 2.25))
 
 
 def test_a_disc_is_round():
     corners = outline(DISC, Pose(1.0, 2.0, 0.3))
     assert all(math.hypot(x - 1.0, y - 2.0) == pytest.approx(0.2) for x, y in corners)
-    assert front_point(DISC, Pose(1.0, 2.0, math.pi)) == pytest.approx((0.8, 2.0))
 
 
 def test_a_turn_in_place_is_swept_to_its_end():

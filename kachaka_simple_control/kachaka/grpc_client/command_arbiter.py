@@ -230,8 +230,6 @@ class CommandArbiter:
         self.is_blocked = False
         #: whether a motion was sent and no stop has been confirmed since then
         self.may_move = False
-        #: whether this object has switched manual control on, to send a motion
-        self.has_enabled = False
 
     @property
     def dropped(self) -> int:
@@ -360,9 +358,7 @@ class CommandArbiter:
             self.may_move = False
 
     def _on_enable_response(self, result: RpcResult) -> None:
-        if result.is_success:
-            self.has_enabled = True
-        elif result.got_response:
+        if result.got_response and not result.is_success:
             self.block_motion()
 
     def _on_motion_response(self, request: RpcRequest, result: RpcResult, now: float) -> None:

@@ -199,7 +199,6 @@ def test_manual_control_is_switched_on_for_a_motion_which_is_then_sent(arbiter):
     enable = sent(arbiter, 0.01)
     assert enable.kind is RpcKind.ENABLE
     arbiter.on_response(enable, OK, 0.02)
-    assert arbiter.has_enabled
     assert sent(arbiter, 0.02).command == motion(0.0)
 
 
