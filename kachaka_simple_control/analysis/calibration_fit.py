@@ -245,11 +245,13 @@ class _StepExtent(NamedTuple):
     """
     The requested and the reported displacement of a step [m or rad].
 
-    A displacement is positive in the direction of the step, also backwards and to the right.
+    A step backwards or to the right also has a positive displacement, because the displacement is
+    measured in the direction of the step.
 
     :param direction: forward, backward, left or right
     :param requested: the requested displacement
-    :param reported: the displacement in odometry, from the rest before to the rest after the step
+    :param reported: the displacement in odometry, from the standstill before the step to the
+        standstill after it
     :param error: the standard error of the reported displacement
     :param veer: the unwanted turn for each metre, from odometry [rad/m]; None for a turn
     :param sent_distance: a function that returns the displacement along the step, from its start

@@ -98,7 +98,7 @@ class PlanTimeline:
         """
         Return the index of the first message at or after a plan time.
 
-        :param plan_time: the plan time [s of the plan]
+        :param plan_time: the time since the start of the plan, at full speed [s]
         :returns: the index; the number of messages if there is no such message
         """
         if self.is_delayed:

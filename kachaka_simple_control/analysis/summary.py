@@ -285,7 +285,7 @@ class Summary:
         """
         Return the total driven time of all motions [s].
 
-        Each motion counts from its t = 0 to the zero velocity that ends it.
+        The time of a motion ends when the zero velocity at its end is sent.
         """
         return math.fsum(
             motion.own_messages[-1].time - motion.began for motion in self.log.motions

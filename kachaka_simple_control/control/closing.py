@@ -47,7 +47,7 @@ class Closers:
             self._closers[close] = closer
 
     def remove(self, close: Close) -> None:
-        """Remove a function without a call, because its work was done in another way."""
+        """Remove a function from the list and do not call it; its work is already done."""
         closer = self._closers.pop(close, None)
         if closer is not None:
             closer.is_wanted.put(False)

@@ -58,9 +58,8 @@ class DriveRequests:
     """
     Accepts one drive at a time.
 
-    If a thread requests its next movement within one period after the end of a movement, a stop
-    treats both movements as one.  So if another thread stops the robot between the two, the second
-    movement is refused as well.
+    Another thread may stop the robot between two movements of a program.  The second movement is
+    then refused, if it is requested within one period after the end of the first.
 
     :param gate: the velocity gate, which creates the runs
     :param period: time between two messages of a run [s]

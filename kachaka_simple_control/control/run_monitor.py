@@ -157,7 +157,7 @@ class OtherPublishers(Protocol):
 
 
 class RunTimeouts(Protocol):
-    """The timeouts of a run."""
+    """How long a run may be paused, and how long odometry may be silent during a run."""
 
     @property
     def odometry_timeout(self) -> float:

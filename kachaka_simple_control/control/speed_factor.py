@@ -103,7 +103,7 @@ class SpeedFactor:
         return True
 
     def _expire(self) -> None:
-        """Set each factor whose time limit has passed to 0, which holds the robot at rest."""
+        """Set a factor to 0 after its time limit; a factor of 0 holds the robot at rest."""
         if not self._expiries:
             return
         now = self._clock()

@@ -120,7 +120,7 @@ class MotionFile:
         """
         Return an error about one value, with its line number.
 
-        :param path: the path of the value, as in ``rate``
+        :param path: the path of the value in the file, for example ``rate``
         :param message: the description of the error
         """
         return MotionFileError(self.source, [self._problem(InvalidMotionError(message, path))])

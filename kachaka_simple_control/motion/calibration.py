@@ -134,7 +134,7 @@ class Calibration:
 def _remaining(
         limits: Limits, name: str, share: float, lost: float, cause: str, value: str) -> float:
     """
-    Return the part of a limit that a plan may use if a correction needs another part.
+    Return how much of a limit is left for a plan, without the part for a correction.
 
     :param limits: the limits
     :param name: the name of the limit

@@ -243,7 +243,7 @@ def _apply_limits(motion: Motion, limits: Limits) -> tuple[_Block, list[InvalidM
 
 
 class _Sent(NamedTuple):
-    """The velocities of each trajectory of a step, and the largest in either direction."""
+    """The velocities of each trajectory of a step, and the largest linear and angular velocity."""
 
     velocities: list[list[Velocity]]
     max_linear: float

@@ -256,7 +256,9 @@ class ProfiledPath(TimedPath):
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
         """
-        Plan the rest of the segment again with another speed factor; it ends with a stop.
+        Plan the rest of the segment again with another speed factor.
+
+        The new plan ends at rest.
 
         :param state: the current state
         :param factor: the speed factor, from 0 to 1.  It multiplies the largest velocity of the

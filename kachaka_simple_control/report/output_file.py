@@ -86,9 +86,9 @@ class CrashSafeFile:
 
     def close(self) -> None:
         """
-        Write the data in memory without an end record, and close the file.
+        Write the data in memory, and close the file.
 
-        The data must contain its own end record.
+        No end record is added; the caller must have written it.
 
         :raises OSError: if the write fails; the file then keeps its old content
         """

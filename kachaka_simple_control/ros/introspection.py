@@ -155,9 +155,9 @@ class IntrospectionPublishers:
 
     def _failing_once(self, name: str, handler: Handler) -> Handler:
         """
-        Return a handler that calls another handler until it fails.
+        Return a handler that passes each call on, and stops doing so after the first error.
 
-        The returned handler logs the first error as a warning, and does nothing after it.
+        The first error is logged as a warning.
         """
         has_failed = False
 

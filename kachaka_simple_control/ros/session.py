@@ -428,7 +428,7 @@ class Session:
         return None
 
     def _require_wanted(self) -> None:
-        """Raise the reason of a stop if the drive was stopped while it waited for the robot."""
+        """Raise the error of a stop that came while the drive waited for the robot."""
         self._require_not_stopped()
         if self._request is not None and self._request.run.ended_by is not None:
             raise self._request.run.ended_by

@@ -53,8 +53,8 @@ class SimulationParameters:
     """
     The deviations of a simulated robot from an ideal robot, and its undocking motion.
 
-    The manufacturer publishes none of these values.  The defaults describe an ideal robot, with a
-    chosen undocking motion.
+    The manufacturer publishes none of these values.  The defaults describe an ideal robot; those
+    of the undocking motion are assumptions.
 
     :param dead_time: the time from a command until the drive begins to follow it [s]
     :param lag: time constant of the first-order drive [s]

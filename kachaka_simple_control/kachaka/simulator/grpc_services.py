@@ -177,7 +177,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     async def StartCommand(
             self, request: pb2.StartCommandRequest, context: Any) -> pb2.StartCommandResponse:
-        """Start a command after the earlier commands, or cancel these if the request says so."""
+        """Start a command after the earlier commands, or cancel those and start it now."""
         state = self.state
         identity = f'{state.new_cursor():016x}'
         task = grpc_messages.task_from_request(request, state, identity)
