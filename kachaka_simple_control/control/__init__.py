@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The control layer: it times and sends velocities, watches for faults, and stops the robot."""
+"""The control layer: it sends velocities on schedule, detects faults, and stops the robot."""

@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Claims on a robot, so that only one program drives it, on one machine or on several."""
+"""
+Claims on a robot: while one program holds the claim, no other program drives the robot.
+
+A ``MachineClaim`` is valid for the programs on one machine.  ``Claims`` holds the claims that
+programs on several machines publish.
+"""
 
 from __future__ import annotations
 
@@ -51,10 +56,12 @@ RELEASED, WANTED, HELD = 'nothing', 'wanted', 'held'
 
 class ClaimedError(Exception):
     """
-    A claim cannot be taken, because somebody holds it already.
+    A claim on a robot cannot be taken, because another program or node holds it already.
 
-    :param holder: the message: a description of the holder, and when it took the claim if known
-    :param is_own: whether the holder is another node in this process
+    :param holder: the error message: a description of the holder, and when it took the claim if
+        this is known
+    :param is_own: True if the holder is another node in this process; False if it is another
+        program
     """
 
     def __init__(self, holder: str, is_own: bool) -> None:
@@ -64,12 +71,16 @@ class ClaimedError(Exception):
 
 class MachineClaim:
     """
-    The claim on one robot on this machine: an abstract Unix socket that is bound to a name.
+    A claim on one robot, which lets only one program on this machine drive the robot.
 
-    The kernel gives a name to one socket at a time.  It frees the name when every process that
-    has the socket open has ended, normally or not.  The guardian inherits the socket: if the
-    program is killed, the claim lasts until the guardian has stopped the robot.  A frozen program
-    keeps its claim.  Only Linux has abstract sockets; on other systems every claim is granted.
+    The claim is an abstract Unix socket that is bound to a name.  The kernel gives a name to only
+    one socket at a time.  It frees the name when all processes that have the socket open have
+    ended, normally or not.
+
+    The guardian is a separate process that stops the robot if the program cannot.  It inherits the
+    socket.  So if the program is killed, the claim lasts until the guardian has stopped the robot.
+    A frozen program keeps its claim.  Only Linux has abstract sockets; on other systems every
+    claim is granted.
     """
 
     def __init__(self) -> None:
@@ -78,20 +89,26 @@ class MachineClaim:
         os.register_at_fork(after_in_child=self._socket.close)
 
     def fileno(self) -> int:
-        """Return the file descriptor; a child process that inherits it keeps the claim."""
+        """
+        Return the file descriptor of the socket that is bound to the claimed name.
+
+        A child process that inherits this descriptor also keeps the claim, until the child process
+        ends.
+        """
         return self._socket.fileno()
 
     def take(self, name: str, who: str) -> None:
         """
-        Take the claim, unless this object holds it already.
+        Take the claim on a robot for this program, unless this object holds the claim already.
 
-        If the program that holds the claim has ended, its guardian may still stop the robot.  Then
-        wait up to GUARDIAN_LEAVE_TIMEOUT until this guardian ends.
+        If the previous holder has ended, its guardian may still be stopping the robot.  The
+        guardian is a separate process that stops the robot if the program cannot.  In this case
+        wait up to GUARDIAN_LEAVE_TIMEOUT until the guardian releases the claim.
 
-        :param name: the name that stands for the robot; it is the same in all programs
-        :param who: the description of this program that other programs show to their users: one
+        :param name: a name for the robot; all programs use the same name for the same robot
+        :param who: a description of this program, which other programs show to their users: one
             line, at most 1000 bytes
-        :raises ClaimedError: if another program or another node of this program holds the claim
+        :raises ClaimedError: if another program, or another node in this process, holds the claim
         """
         if self._is_held or not sys.platform.startswith('linux'):
             return
@@ -107,7 +124,12 @@ class MachineClaim:
             target=_serve, args=(self._socket, who), name='claim', daemon=True).start()
 
     def release(self) -> None:
-        """Release the claim in this process; this object cannot take it again."""
+        """
+        Close the socket, so that this process no longer holds the claim on the robot.
+
+        After this, the object cannot take a claim again.  A child process that has inherited the
+        socket still keeps the claim.
+        """
         # close() alone does not wake the thread in accept(), and the socket would stay open.
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
@@ -132,10 +154,12 @@ def _address(name: str) -> bytes:
 
 def _holder(address: bytes) -> tuple[str, int, bool]:
     """
-    Return the holder of a claim: its description, its process number, and whether it answers.
+    Ask the program that holds a claim on this machine to describe itself.
 
-    The process number is 0 if the holder runs in a container with its own process numbers.  It is
-    -1 if the holder does not listen yet, or has just ended.
+    :param address: the address of the Unix socket that the holder has bound
+    :returns: the description of the holder, its process number, and whether it answered in time.
+        The process number is 0 if the holder runs in a container with its own process numbers.  It
+        is -1 if the holder does not listen on the socket yet, or has just ended
     """
     with socket.socket(socket.AF_UNIX) as client:
         client.settimeout(CLAIM_ANSWER_TIMEOUT)
@@ -153,7 +177,12 @@ def _holder(address: bytes) -> tuple[str, int, bool]:
 
 
 def _serve(server: socket.socket, who: str) -> None:
-    """Send the description of this program to each client, until the claim is released."""
+    """
+    Send the description of this program to each client, until the claim is released.
+
+    :param server: the socket of the claim on the robot, to which other programs connect
+    :param who: the description of this program
+    """
     while True:
         try:
             client, _ = server.accept()
@@ -166,11 +195,12 @@ def _serve(server: socket.socket, who: str) -> None:
 @dataclass(frozen=True)
 class Claim:
     """
-    A program's claim on a robot, as the program publishes it.
+    A claim on a robot, as a program publishes it to other programs, also on other machines.
 
     :param participant: the DDS participant of the program, in hexadecimal digits
-    :param state: RELEASED, WANTED or HELD
-    :param who: the description of the program, and since when it claims the robot
+    :param state: RELEASED (the program does not want the robot), WANTED (it requests the robot) or
+        HELD (it has the robot)
+    :param who: a text that describes the program, and says since when it claims the robot
     """
 
     participant: str
@@ -178,7 +208,7 @@ class Claim:
     who: str
 
     def to_json(self) -> str:
-        """Return the claim as JSON text."""
+        """Return the claim as JSON text, which ``from_json`` can read."""
         return json.dumps(asdict(self))
 
     @staticmethod
@@ -198,7 +228,7 @@ class Claim:
 
 class Claims:
     """
-    The claims that were received from other programs during the last CLAIM_TIMEOUT.
+    The claims on a robot that other programs published during the last CLAIM_TIMEOUT.
 
     :param participant: the DDS participant of this program, in hexadecimal digits
     """
@@ -209,7 +239,12 @@ class Claims:
         self._received: dict[str, tuple[float, Claim]] = {}
 
     def on_claim(self, claim: Claim, now: float) -> None:
-        """Keep a claim received at the time ``now`` [s]; ignore this program's own claim."""
+        """
+        Store a claim that was received from the network; ignore this program's own claim.
+
+        :param claim: the claim
+        :param now: when the claim was received [s]
+        """
         if claim.participant == self._participant:
             return
         self._received.pop(claim.participant, None)
@@ -218,18 +253,27 @@ class Claims:
             self._received.pop(next(iter(self._received)))
 
     def holder(self, now: float) -> Claim | None:
-        """Return the claim of another program in the state HELD; None if there is none."""
+        """
+        Return the claim of another program that has the robot.
+
+        :param now: the time [s]; a claim that was received more than CLAIM_TIMEOUT before is
+            ignored
+        :returns: the claim, which has the state HELD; None if no other program has the robot
+        """
         return next((claim for claim in self._current(now) if claim.state == HELD), None)
 
     def blocking_claim(self, now: float) -> Claim | None:
         """
         Return the claim of another program that prevents this program from getting the robot.
 
-        If several programs want the robot, the one whose participant is first in alphabetical
-        order gets it.
+        If several programs request the robot at the same time, the program whose DDS participant
+        is first in alphabetical order gets it.
 
-        :returns: a claim in the state HELD; otherwise a claim in the state WANTED with a lower
-            participant than this program's; otherwise None
+        :param now: the time [s]; a claim that was received more than CLAIM_TIMEOUT before is
+            ignored
+        :returns: a claim in the state HELD, if another program has the robot.  Otherwise a claim
+            in the state WANTED, if another program requests the robot and its participant is
+            before the participant of this program.  Otherwise None
         """
         wanted = (claim for claim in self._current(now)
                   if claim.state == WANTED and claim.participant < self._participant)

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Close several robots at the same time, even while the Python interpreter shuts down."""
+"""
+Release several robots at the same time, even while Python shuts down.
+
+Each robot has a close function, which stops and releases this robot.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +29,11 @@ Close = Callable[[], None]
 
 class Closers:
     """
-    Calls several close functions at the same time.
+    A list of close functions, which stop and release robots, to be called at the same time.
 
-    ``add`` starts a thread for each function, and the thread waits until it is needed.  The
-    reason: from Python 3.12 on, no thread can start while the program ends.
+    ``add`` starts a thread for each function.  This thread waits until ``close_all`` wakes it.
+    The thread is started so early because from Python 3.12 on, no thread can start while Python
+    shuts down.
     """
 
     def __init__(self) -> None:
@@ -36,10 +41,13 @@ class Closers:
 
     def add(self, close: Close, group: object) -> None:
         """
-        Add a close function.
+        Add a close function, and start the thread that calls it later.
+
+        Do nothing if Python shuts down already, because then no thread can start.
 
         :param close: the function; it may be called more than once, and from any thread
-        :param group: an object by which ``close_all`` selects functions, for example a ROS context
+        :param group: any object, for example a ROS context; ``close_all`` can select the functions
+            that were added with the same object
         """
         closer = _Closer(close, group)
         with contextlib.suppress(RuntimeError):  # the program ends already: no thread can start
@@ -47,16 +55,17 @@ class Closers:
             self._closers[close] = closer
 
     def remove(self, close: Close) -> None:
-        """Remove a function from the list and do not call it; its work is already done."""
+        """Remove a close function without calling it, because the robot is already closed."""
         closer = self._closers.pop(close, None)
         if closer is not None:
             closer.is_wanted.put(False)
 
     def close_all(self, group: object | None = None) -> None:
         """
-        Call all functions at the same time, and wait until all have returned.
+        Call all close functions at the same time, wait until they have returned, and remove them.
 
-        :param group: call only the functions of this group; None for all functions
+        :param group: call and remove only the functions that were added with this object; None for
+            all functions
         """
         chosen = [closer for closer in [*self._closers.values()]
                   if group is None or closer.group is group]
@@ -73,7 +82,12 @@ class Closers:
 
 
 class _Closer(threading.Thread):
-    """A thread that waits, and then either calls a close function or ends without the call."""
+    """
+    A thread that waits for a decision: to call a close function, or to end without calling it.
+
+    :param close: the close function
+    :param group: an object by which ``close_all`` can select this function
+    """
 
     def __init__(self, close: Close, group: object) -> None:
         super().__init__(name='closer', daemon=True)
@@ -82,6 +96,10 @@ class _Closer(threading.Thread):
         self.is_wanted: SimpleQueue[bool] = SimpleQueue()
 
     def run(self) -> None:
-        """Wait for a value in ``is_wanted``, and call the close function if the value is True."""
+        """
+        Wait for a value in the queue ``is_wanted``.
+
+        If the value is True, call the close function.  If it is False, do nothing.
+        """
         if self.is_wanted.get():
             self.close()

@@ -14,8 +14,9 @@
 """
 The loop of the thread that drives one or more robots.
 
-The loop sleeps until the next velocity or check is due, or until another thread wakes it.  During
-a drive, Python's garbage collector does not search the objects that existed before the drive.
+The loop sleeps until a velocity or a check for faults is due, or until another thread wakes it.
+During a drive, Python's garbage collector does not search the objects that existed before the
+drive, because a long search would delay the velocities.
 """
 
 from __future__ import annotations
@@ -39,10 +40,10 @@ FD_SETSIZE = 1024
 
 class Sleeper:
     """
-    Sleeps for a time; another thread can end the sleep early.
+    Sleeps for a given time; another thread can end the sleep early.
 
-    The class uses ``select`` and not a Python lock, because before Python 3.11 the timeout of a
-    lock depends on the wall clock.
+    The class waits with ``select``.  It does not use a Python lock, because before Python 3.11 the
+    timeout of a lock depends on the wall clock, which somebody may set.
     """
 
     def __init__(self) -> None:
@@ -55,7 +56,7 @@ class Sleeper:
         """
         Sleep for a time, or until another thread calls ``wake``.
 
-        :param duration: the longest time to sleep [s]
+        :param duration: how long to sleep at most [s]
         """
         if self._reader >= FD_SETSIZE:
             time.sleep(min(duration, 0.01))  # select takes no descriptor above 1023
@@ -63,13 +64,17 @@ class Sleeper:
             os.read(self._reader, 4096)
 
     def wake(self) -> None:
-        """End the current sleep, or the next one if none is running; any thread may call this."""
+        """
+        End the current sleep; if no sleep is running, make the next sleep end at once.
+
+        Any thread may call this.
+        """
         # If the pipe is full, the sleep ends anyway.  No error here may delay a stop.
         with contextlib.suppress(OSError):
             os.write(self._writer, b'\0')
 
     def __del__(self) -> None:
-        """Close both descriptors of the pipe."""
+        """Close both ends of the pipe through which ``wake`` ends a sleep."""
         # There is no method to close them earlier: another thread may still sleep.
         os.close(self._reader)
         os.close(self._writer)
@@ -79,13 +84,14 @@ class DriveLoop:
     """
     Drives one or more robots in the thread that calls ``run``.
 
-    The loop does not poll.  Each drive returns the time when it must be called next, and the loop
-    sleeps until then.  ``wake`` ends this sleep.  A stop does not wait for this thread: the thread
-    that requests the stop sends the first zero velocity.
+    The loop does not poll.  Each drive (an object of the class ``RobotDrive``) returns the time
+    when the loop must call it next, and the loop sleeps until this time.  ``wake`` ends the sleep
+    early.  A stop does not wait for the thread of the loop: the thread that requests the stop
+    sends the first zero velocity itself.
 
     :param clock: the steady clock [s]
-    :param sleep: sleeps for a time [s]; None to use a ``Sleeper``, which ``wake`` ends
-        early
+    :param sleep: a function that sleeps for a time [s]; None to use a ``Sleeper``, whose sleep
+        ``wake`` can end early
     """
 
     def __init__(
@@ -98,8 +104,9 @@ class DriveLoop:
 
     def wake(self, drive: RobotDrive) -> None:
         """
-        Make ``run`` call a drive at once, because the state of the drive has changed.
+        Make ``run`` call the method ``step`` of a drive at once, before the drive is due.
 
+        This is needed after another thread has ended the drive, or has given it a new velocity.
         Any thread may call this.
         """
         self._woken.append(drive)
@@ -109,15 +116,18 @@ class DriveLoop:
             self, drives: Sequence[RobotDrive],
             on_failure: Callable[[RobotDrive, Exception], None] | None = None) -> None:
         """
-        Drive robots whose runs have begun, until all runs have ended.
+        Drive one or more robots until all drives have ended.
 
-        If there are several drives and an error ends one or all of them, each affected robot gets
-        one zero velocity at once.  After this the caller has to send the complete stop.
+        The caller has already begun each drive with ``RobotDrive.begin``.  If there are several
+        drives and an error ends one or all of them, the robot of each drive that was ended gets
+        one zero velocity at once.  In all cases, the caller then has to send the complete stop:
+        zero velocities until the command timeout of the robot has passed.
 
         :param drives: the drives, one for each robot
-        :param on_failure: called in this thread with a drive and the error that ended it; the
-            other drives continue.  None: an error ends all drives
-        :raises ControlError: if a run could not continue and ``on_failure`` is None
+        :param on_failure: a function that is called in this thread with a drive and the error that
+            ended it; the other drives continue.  If it is None, an error of one drive ends all
+            drives
+        :raises ControlError: if a drive could not continue and ``on_failure`` is None
         """
         following = dict.fromkeys(range(len(drives)), 0.0)
         heap = [(0.0, number) for number in following]
@@ -152,7 +162,15 @@ class DriveLoop:
     def _call_woken(
             self, drives: Sequence[RobotDrive], following: dict[int, float],
             heap: list[tuple[float, int]]) -> None:
-        """Schedule each drive that was passed to ``wake``, so that it is called next."""
+        """
+        Schedule each drive that was passed to ``wake``, so that the loop calls it next.
+
+        :param drives: all drives
+        :param following: the time of the next call of each drive, by the index of the drive;
+            changed in place
+        :param heap: the scheduled calls as time and index of the drive, the earliest first;
+            changed in place
+        """
         while self._woken:
             drive = self._woken.popleft()
             for number in following:
@@ -175,9 +193,10 @@ def old_objects_frozen() -> Iterator[None]:
     """
     Exclude all objects that exist now from garbage collection during a ``with`` block.
 
-    To search a million objects takes 150 ms (measured), and no other code of the process runs in
-    that time.  After the block the collector has its previous settings, because the user's program
-    may have set them.  Blocks may overlap, in one thread or in several.
+    The reason: the garbage collector takes 150 ms to search a million objects (measured), and no
+    other code of the process runs in this time.  After the block, the collector has the settings
+    that it had before the block, because the user's program may have changed them.  Blocks may
+    overlap, in one thread or in several threads.
     """
     global _runs  # noqa: PLW0603 (as the collector itself)
     with _lock:

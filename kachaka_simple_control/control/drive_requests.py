@@ -12,11 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Accept or refuse requests to drive and to resume a drive.
+Accept or refuse requests to drive a robot, and requests to resume a paused drive.
 
-Only one drive is accepted at a time.  After a warning, a resume must be confirmed by a second
-request.  Requests that come at the same time as a stop are refused.  A stop cancels a drive at any
-time after the call that requests the drive.
+Only one drive is accepted at a time.  A request to drive that comes at almost the same time as a
+request to stop is refused.  If a request to resume was refused with a warning, a second request
+can confirm it.  A stop cancels a drive at any time after it was requested, even before the robot
+moves.
 """
 
 from __future__ import annotations
@@ -38,14 +39,15 @@ from kachaka_simple_control.errors import ControlError, MotionRefusedError, Moti
 @dataclass
 class DriveRequest:
     """
-    The state of one drive, from the call that requests the drive until its end.
+    An accepted request to drive, with the state of this drive until its end.
 
-    :param run: the run of the drive; a stop cancels it, even before the drive has begun
-    :param thread: the thread that requested the drive
-    :param ended: when the drive was complete [s on the clock]; None before that time, or if the
-        drive ended early
-    :param stopped_by: the error of a stop by another thread, during the drive or right after it;
-        None if there was no such stop
+    :param run: the run, an object without which no velocity of this drive can be sent; a stop
+        cancels it, even before the drive has begun
+    :param thread: the identifier of the thread that requested the drive
+    :param ended: when the drive was complete [s on the steady clock]; None before that time, or if
+        the drive ended early
+    :param stopped_by: the error that describes a stop by another thread, during the drive or after
+        it; None if there was no such stop
     """
 
     run: Run
@@ -56,13 +58,15 @@ class DriveRequest:
 
 class DriveRequests:
     """
-    Accepts one drive at a time.
+    Accepts or refuses requests to drive, so that only one drive is under way at a time.
 
-    Another thread may stop the robot between two movements of a program.  The second movement is
-    then refused, if it is requested within one period after the end of the first.
+    A program may drive several movements, one after the other.  If another thread stops the robot
+    between two movements, the second movement is refused.  This rule holds if the second movement
+    is requested within one period after the end of the first movement.
 
-    :param gate: the velocity gate, which creates the runs
-    :param period: time between two messages of a run [s]
+    :param gate: the velocity gate, the only object that publishes velocities; it creates a run,
+        the permission to send velocities, for each drive
+    :param period: the time between two velocity messages [s]
     :param clock: the steady clock [s]
     """
 
@@ -77,15 +81,18 @@ class DriveRequests:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a drive is under way."""
+        """Whether a drive was accepted and has not ended yet."""
         return self._busy.locked()
 
     def accept(self) -> DriveRequest:
         """
-        Accept a drive; the caller has to call ``finish`` at its end.
+        Accept a new drive, unless it must be refused.
 
-        :raises ControlError: if another drive is under way, or a stop came between the previous
-            movement and this one
+        The caller has to call ``finish`` when the drive has ended.
+
+        :returns: the accepted request; its ``run`` is needed to send the velocities of the drive
+        :raises ControlError: if another drive is under way, or if another thread has stopped the
+            robot between the previous movement of this program and the new one
         """
         if not self._busy.acquire(blocking=False):
             raise MotionRunningError('a motion is running already; wait for its end, or stop it')
@@ -101,19 +108,22 @@ class DriveRequests:
 
     def finish(self, request: DriveRequest, is_complete: bool) -> None:
         """
-        End a drive, so that the next one can be accepted.
+        Record that a drive has ended, so that the next drive can be accepted.
 
-        :param request: the request that ``accept`` returned
-        :param is_complete: whether the drive reached its end
+        :param request: the request that ``accept`` returned for the drive
+        :param is_complete: True if the drive reached its planned end; False if it ended early
         """
         request.ended = self._clock() if is_complete else None
         self._busy.release()
 
     def on_stop(self, reason: ControlError) -> None:
         """
-        Record a stop; call this before the gate cancels the run.
+        Record that a thread stops the robot; call this before the current drive is cancelled.
 
-        :param reason: the error that is raised for a movement right after the stop
+        A thread that stops its own drive may drive again at once, so its stop is not recorded.
+
+        :param reason: the error that ``accept`` raises if a movement is requested right after the
+            stop
         """
         newest = self._newest
         # A thread that stops its own drive may drive again.
@@ -127,12 +137,14 @@ class DriveRequests:
 
 class ResumeConfirmation:
     """
-    Decides whether a request to resume confirms an earlier one that was refused with a warning.
+    Decides whether a request to resume a paused drive confirms an earlier request.
 
-    A request confirms the newest warning if it comes within RESUME_CONFIRM_TIMEOUT after the
-    warning, and if no other request came during RESUME_QUIET_TIME before it.  So the requests of a
-    key that is held down, or of several clients at the same time, confirm nothing.  Each warning
-    can be confirmed only once.  Any thread may call the methods.
+    The earlier request was refused with a warning, because somebody moved the robot during the
+    pause.  A new request confirms the newest warning under two conditions.  It must come within
+    RESUME_CONFIRM_TIMEOUT after the warning, and no other request may have come during
+    RESUME_QUIET_TIME before it.  So the repeated requests of a key that is held down, or of
+    several clients, confirm nothing.  Each warning can be confirmed only once.  Any thread may
+    call the methods.
 
     :param clock: the steady clock [s]
     """
@@ -143,7 +155,11 @@ class ResumeConfirmation:
         self._requested = self._warned = float('-inf')
 
     def on_request(self) -> bool:
-        """Record a request to resume; return whether it confirms the newest warning."""
+        """
+        Record a request to resume a paused drive, and check whether it confirms a warning.
+
+        :returns: whether the request confirms the newest warning, so that the drive may be resumed
+        """
         with self._lock:
             now = self._clock()
             is_late_enough = now - self._requested >= RESUME_QUIET_TIME
@@ -154,7 +170,11 @@ class ResumeConfirmation:
             return is_confirmed
 
     def on_warning(self) -> None:
-        """Record that a request to resume was refused with a warning."""
+        """
+        Record that a request to resume was refused with a warning.
+
+        A later request to resume can confirm this warning.
+        """
         with self._lock:
             self._warned = self._clock()
 
@@ -163,8 +183,8 @@ class StopRequests:
     """
     Refuses requests that start a motion within a short time after a request to stop.
 
-    A client may send a request to drive and directly after it a request to stop.  The node may
-    process these two requests in the opposite order.  The drive must not start in this case.
+    A client may request a drive, and directly after it a stop.  The node may process the stop
+    first.  In this case the drive, which is processed second, must not start.
 
     :param clock: the steady clock [s]
     """
@@ -174,12 +194,12 @@ class StopRequests:
         self._newest = float('-inf')
 
     def on_stop(self) -> None:
-        """Record a request to stop."""
+        """Record that a client requests a stop now."""
         self._newest = self._clock()
 
     def require_none(self) -> None:
         """
-        Check that no stop was requested within the last STOP_REQUEST_WINDOW.
+        Check that no client has requested a stop during the last STOP_REQUEST_WINDOW.
 
         :raises MotionRefusedError: if a stop was requested in this time
         """

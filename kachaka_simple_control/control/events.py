@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The events of a drive, which subscribers such as logs and displays receive in order of time."""
+"""
+The events of a drive: objects that tell logs, displays and other subscribers what happened.
+
+Subscribers receive the events in order of time.
+"""
 
 from __future__ import annotations
 
@@ -28,25 +32,27 @@ from kachaka_simple_control.motion.steps import Motion
 @dataclass(frozen=True)
 class SessionStarted:
     """
-    A program has started to use a robot; this is the first event.
+    A program has started to use a robot; this is always the first event.
 
     :param title: name of the motion
     :param robot: name of the robot
     :param limits: the limits of velocity and acceleration of the robot
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
-    :param epoch: the time since 1970 minus the time on the steady clock [s]
-    :param velocity_topic: the resolved name of the topic of velocities
-    :param odometry_topic: the resolved name of the topic of odometry; None without odometry
+    :param epoch: the time since 1970 minus the time on the steady clock, at the same moment [s]
+    :param velocity_topic: the name of the velocity topic, after namespace and remapping were
+        applied
+    :param odometry_topic: the name of the odometry topic, after namespace and remapping were
+        applied; None without odometry
     :param message_type: the type of velocity messages: Twist or TwistStamped
     :param frame: the frame in the header of a TwistStamped
     :param footprint: the outline of the robot; None if it is unknown
-    :param settings: the parameters of the node
+    :param settings: the values of the node's ROS parameters, by name
     :param versions: the versions of the program and its dependencies, by name
     :param command: the command line; empty if there was none
-    :param motion_source: the file of the motion; empty if the motion is not from a file
-    :param motion_text: the text of that file; None if the motion is not from a file
-    :param movement_count: the number of motions that follow: in the lesson, each call of
-        ``move_robot`` is one motion; None if unknown
+    :param motion_source: the path of the motion file; empty if the motion is not from a file
+    :param motion_text: the text of the motion file; None if the motion is not from a file
+    :param movement_count: how many motions the program will drive, one for each call of the
+        function ``move_robot``; None if unknown
     :param has_keys: whether keys at the terminal can pause, slow down and stop the robot
     """
 
@@ -72,15 +78,16 @@ class SessionStarted:
 @dataclass(frozen=True)
 class MotionPlanned:
     """
-    A motion was planned; if the robot is not connected yet, the program connects to it next.
+    A motion was planned, which means that all its velocities were computed.
 
-    The event does not contain the plan.  A subscriber that needs the plan computes it again: the
-    same motion, limits and rate always give the same plan.
+    If the program has no control of the robot yet, it gets control after this event.  The event
+    does not contain the plan.  A subscriber that needs the plan computes it again: the same
+    motion, limits and rate always give the same plan.
 
-    :param motion: the motion
-    :param limits: the limits for the plan
+    :param motion: the motion, which is a list of steps such as moves and turns
+    :param limits: the limits of velocity and acceleration that the plan keeps
     :param rate: how often a velocity is sent [Hz]
-    :param time: when it was planned [s on the steady clock]; None if unknown
+    :param time: when the motion was planned [s on the steady clock]; None if unknown
     """
 
     motion: Motion
@@ -92,11 +99,11 @@ class MotionPlanned:
 @dataclass(frozen=True)
 class MotionStarted:
     """
-    A run begins; the first velocity of the run follows this event.
+    A run, which is one drive of a robot, begins; its first velocity follows this event.
 
-    :param time: t = 0 of the run [s on the steady clock]
+    :param time: when the first velocity of the run is due, called t = 0 [s on the steady clock]
     :param has_plan: True if the run drives the motion of the newest ``MotionPlanned`` event; False
-        if the run has no plan
+        if it drives velocities that a caller commands directly, without a plan
     """
 
     time: float
@@ -104,7 +111,7 @@ class MotionStarted:
 
 
 class VelocityKind(Enum):
-    """The purpose of a sent velocity."""
+    """Why a velocity was sent: for a plan, by a direct command, before a drive, or for a stop."""
 
     #: a velocity of a plan, as planned or under a speed factor
     PLAN = 'plan'
@@ -127,17 +134,21 @@ RUN_KINDS = frozenset({VelocityKind.PLAN, VelocityKind.CORRECTION, VelocityKind.
 @dataclass(frozen=True, slots=True)
 class VelocitySent:
     """
-    A velocity was published.
+    A velocity message was published.
 
-    :param time: when it was published [s on the steady clock]
+    Many of these messages belong to a run, which is one drive of a robot.  t = 0 is the time when
+    the first velocity of the run was due.
+
+    :param time: when the message was published [s on the steady clock]
     :param velocity: the velocity in the message
-    :param kind: the purpose of the velocity
-    :param due: when the velocity was due [s after t = 0 of the run]; None if no run sent it
-    :param plan_time: the time in the plan to which the velocity belongs [s]; None without a plan
-    :param skipped: how many velocities directly before this one were left out, because they were
+    :param kind: the purpose of the message, for example to drive a plan or to stop the robot
+    :param due: when the velocity was due [s after t = 0]; None if the message belongs to no run
+    :param plan_time: the point in the plan to which the velocity belongs [s after the start of the
+        plan]; None without a plan
+    :param skipped: how many velocities directly before this one were not sent, because they were
         too late
-    :param expected: the velocity at which the robot really moves after this message, according to
-        its calibration; None if this is ``velocity``
+    :param expected: the velocity that the robot really has after this message, according to its
+        calibration; None if this is equal to ``velocity``
     """
 
     time: float
@@ -150,15 +161,22 @@ class VelocitySent:
 
     @property
     def is_delayed(self) -> bool:
-        """Return whether ``plan_time`` differs from ``due``, because of a speed factor below 1."""
+        """
+        Return whether ``plan_time`` differs from ``due``, because the plan is delayed.
+
+        ``due`` is the time since the start of the drive, and ``plan_time`` is the point in the
+        plan.  They differ after a speed factor below 1 has slowed the plan down.  Without a plan
+        the value has no meaning.
+        """
         return self.plan_time != self.due
 
     @property
     def is_of_run(self) -> bool:
         """
-        Return whether a run sent the velocity.
+        Return whether the velocity belongs to a run, which is one drive of a robot.
 
-        The value is False for the zero velocities of a stop and before a run.
+        The value is False for a zero velocity of a stop, and for a zero velocity that is sent
+        before a run.
         """
         return self.kind in RUN_KINDS
 
@@ -166,7 +184,7 @@ class VelocitySent:
 @dataclass(frozen=True)
 class StopBegan:
     """
-    A stop begins; the zero velocities of the stop follow this event.
+    The program begins to stop the robot; the zero velocities of the stop follow this event.
 
     :param time: when the stop begins [s on the steady clock]
     """
@@ -177,9 +195,11 @@ class StopBegan:
 @dataclass(frozen=True)
 class StopConfirmed:
     """
-    A stop was sent completely, and odometry, if the robot has it, shows no motion.
+    All zero velocities of a stop were sent, and odometry shows that the robot does not move.
 
-    :param time: when both conditions were true [s on the steady clock]
+    If the robot has no odometry, the second condition is left out.
+
+    :param time: when these conditions were true for the first time [s on the steady clock]
     """
 
     time: float
@@ -188,11 +208,11 @@ class StopConfirmed:
 @dataclass(frozen=True)
 class SpeedFactorChanged:
     """
-    The speed factor was changed.
+    The speed factor, which is the speed of the robot relative to its plan, was changed.
 
-    :param time: when it was changed [s on the steady clock]
-    :param factors: the factors below 1, by the name of the source that set them; the speed factor
-        is their product
+    :param time: when the speed factor was changed [s on the steady clock]
+    :param factors: the factors below 1, by the name of the source that set them, such as a pause
+        or an obstacle sensor; the speed factor is the product of these factors
     """
 
     time: float
@@ -200,18 +220,18 @@ class SpeedFactorChanged:
 
     @property
     def product(self) -> float:
-        """Return the product of the factors, from 0 to 1."""
+        """Return the speed factor, from 0 to 1: the product of all factors in this event."""
         return product(self.factors)
 
 
 @dataclass(frozen=True, slots=True)
 class OdometryReceived:
     """
-    An odometry message arrived.
+    The program has received an odometry message.
 
-    :param time: when it arrived [s on the steady clock]
+    :param time: when the message arrived [s on the steady clock]
     :param pose: the pose of the robot in the frame ``odom``
-    :param velocity: the velocity of the robot
+    :param velocity: the velocity of the robot in the message
     """
 
     time: float
@@ -224,10 +244,11 @@ class MotionEnded:
     """
     The motion of the newest ``MotionPlanned`` event has ended.
 
-    :param time: when the program detected this [s on the steady clock]; a complete motion ends
-        with a zero velocity, which was sent just before this time
+    :param time: when the program noticed the end [s on the steady clock].  If the motion was
+        complete, a zero velocity was sent just before this time
     :param reason: why the motion ended early; None if it was complete
-    :param is_fault: True if an error ended the motion; False if somebody requested its end
+    :param is_fault: if the motion ended early: True if the cause was an error, False if somebody
+        requested the end
     """
 
     time: float
@@ -238,14 +259,14 @@ class MotionEnded:
 @dataclass(frozen=True)
 class SessionEnded:
     """
-    The program has stopped and released the robot.
+    The program has stopped and released the robot; this is the last event.
 
-    This is the last event.  It is missing if the program was killed.
+    The event is missing if the program was killed.
 
     :param time: when the robot was released [s on the steady clock]
-    :param stop_confirmed_after: time from the start of the stop until odometry showed standstill
-        [s]; None if odometry did not show standstill
-    :param signal: the signal that ended the program; None if no signal ended it
+    :param stop_confirmed_after: the time from the start of the last stop until odometry showed
+        that the robot stood still [s]; None if odometry did not show this
+    :param signal: the number of the signal that ended the program; None if no signal ended it
     :param error: why the program failed, in one line; None if it did not fail
     """
 

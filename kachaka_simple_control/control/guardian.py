@@ -57,13 +57,16 @@ class SharedByte:
 
     @property
     def is_set(self) -> bool:
-        """Whether the byte is 1."""
+        """Whether the byte is set, which means that its value is not 0."""
         return self._memory[0] != 0
 
 
 class Latch(SharedByte):
     """
-    A flag that blocks all motion of a node after it is set; it cannot be reset.
+    A flag that blocks all later motion of a node once it is set; it cannot be cleared.
+
+    The node shares the latch with its guardian, a separate process that stops the robot if the
+    node cannot.  The latch also stores when the guardian began its stop.
 
     :param memory: ``Latch.SIZE`` writable bytes, 0 at the start; None to use memory of this
         process only
@@ -78,10 +81,10 @@ class Latch(SharedByte):
 
     def trip(self, stop_time: float = 0.0) -> None:
         """
-        Set the latch, so that all later motion of the node is blocked.
+        Set the latch, a flag that blocks all later motion of the node.
 
-        :param stop_time: when the guardian's stop begins [s on the steady clock, above 0]; 0 for
-            a stop of the node itself
+        :param stop_time: when the guardian, a separate process, began to stop the robot [s on the
+            steady clock, above 0]; 0 if the node itself stops the robot
         """
         if stop_time:
             # Write the time before the byte: a reader that sees the byte set reads a valid time.
@@ -90,7 +93,11 @@ class Latch(SharedByte):
 
     @property
     def guardian_stop_time(self) -> float | None:
-        """Return the start time of the guardian's stop [s on the steady clock]; None if none."""
+        """
+        Return when the guardian, a separate process, began to stop the robot.
+
+        :returns: the time [s on the steady clock]; None if the guardian has not stopped the robot
+        """
         if not self.is_set:
             return None
         stop_time, = struct.unpack_from('d', self._memory, 1)
@@ -98,24 +105,31 @@ class Latch(SharedByte):
 
 
 class SharedFlag(SharedByte):
-    """A flag that can be set and cleared."""
+    """
+    A flag in memory that two processes can share; either process can set it and clear it.
+
+    :param memory: one writable byte, 0 at the start; None to use memory of this process only
+    """
 
     def set(self) -> None:  # noqa: A003
-        """Set the flag."""
+        """Set the flag, for all processes that share it."""
         self._memory[0] = 1
 
     def clear(self) -> None:
-        """Clear the flag."""
+        """Clear the flag, for all processes that share it."""
         self._memory[0] = 0
 
 
 class RobotSlot:
     """
-    The part of the shared memory that belongs to one robot.
+    The slot of one robot: its part of the memory that the node shares with the guardian.
 
-    :param memory: ``RobotSlot.SIZE`` writable bytes
-    :ivar latch: the guardian sets it before the first zero velocity of a stop
-    :ivar sending: set while the node waits in a DDS call
+    The guardian is a separate process that stops the robot if the node cannot.
+
+    :param memory: the slot: ``RobotSlot.SIZE`` writable bytes
+    :ivar latch: a flag that blocks all later motion of the node; the guardian sets it before it
+        sends the first zero velocity of its stop
+    :ivar sending: a flag that is set while the node waits in a call to DDS
     """
 
     #: size in memory [bytes]: the time of the heartbeat, the latch and the flag, rounded up
@@ -128,7 +142,11 @@ class RobotSlot:
 
     @property
     def heartbeat(self) -> float:
-        """Return the time of the newest heartbeat that the node wrote [s since boot]."""
+        """
+        Return the time of the newest heartbeat [s since boot].
+
+        With a heartbeat, the node shows that it still works.
+        """
         time, = struct.unpack_from('d', self._memory)
         return float(time)
 
@@ -137,15 +155,18 @@ class RobotSlot:
         struct.pack_into('d', self._memory, 0, time)
 
     def clear(self) -> None:
-        """Set all values to 0, so that another robot can use this part of the memory."""
+        """Set all bytes of this memory to 0, so that another robot can use it."""
         self._memory[:] = bytes(self.SIZE)
 
 
 class GuardianMemory:
     """
-    The memory that a program shares with its guardian.
+    The memory that a node shares with its guardian; each robot has a part of it, its slot.
 
-    :param file: the descriptor of a file of ``GuardianMemory.SIZE`` bytes
+    The guardian is a separate process that stops robots if the node cannot.
+
+    :param file: the descriptor of the file that is mapped as this memory; its size is
+        ``GuardianMemory.SIZE`` bytes
     """
 
     #: the largest number of robots; they use the slots 1 to MAX_ROBOTS, and slot 0 holds the
@@ -159,21 +180,40 @@ class GuardianMemory:
 
     @property
     def check_count(self) -> int:
-        """Return how often the guardian has checked all heartbeats, counted modulo 256."""
+        """
+        Return how often the guardian has checked the heartbeats of all robots, modulo 256.
+
+        The guardian is a separate process.  If the count does not change, this process is frozen.
+        """
         return self._memory[0]
 
     def count_check(self) -> None:
-        """Add 1 to ``check_count``; only the guardian may call this."""
+        """
+        Add 1 to the number of heartbeat checks, modulo 256; only the guardian may call this.
+
+        The guardian is a separate process that checks the heartbeats of the node.
+        """
         self._memory[0] = (self._memory[0] + 1) % 256
 
     def slot(self, number: int) -> RobotSlot:
-        """Return the part of the memory that belongs to one robot, by its number."""
+        """
+        Return the slot of one robot: its part of the memory that node and guardian share.
+
+        The guardian is a separate process that stops the robot if the node cannot.
+
+        :param number: the number of the slot, from 1 to ``MAX_ROBOTS``
+        """
         start = number * RobotSlot.SIZE
         return RobotSlot(self._memory[start:start + RobotSlot.SIZE])
 
 
 class NullGuardian:
-    """Replaces the guardian if the parameter ``guardian`` is false; most methods do nothing."""
+    """
+    Replaces the class ``Guardian`` if the ROS parameter ``guardian`` is false.
+
+    The guardian is a separate process that stops the robot if the node cannot.  With this class
+    there is no such process, and most methods do nothing.
+    """
 
     participants: frozenset[bytes] = frozenset()
     is_matched = True
@@ -185,11 +225,17 @@ class NullGuardian:
         self.prime_count = 0
 
     def prime(self) -> None:
-        """Increment ``prime_count`` as if the guardian had published a zero velocity."""
+        """
+        Count a request for a zero velocity, but publish nothing.
+
+        The guardian, a separate process that would publish it, does not exist in this case.
+
+        The caller waits until ``prime_count`` has reached the number of its requests.
+        """
         self.prime_count += 1
 
     def heartbeat(self) -> None:
-        """Do nothing: there is no guardian."""
+        """Do nothing, because there is no guardian: no separate process checks heartbeats."""
 
     report_stopping = report_stopped = shutdown = heartbeat
 
@@ -198,12 +244,13 @@ class Guardian:
     """
     The node's interface to the guardian, for one robot.
 
-    If the node ends, or its heartbeats stop, before it has reported a complete stop, the guardian
-    stops the robot.  It also sets the latch, which blocks all later motion of the node.
+    The guardian is a separate process.  It stops the robot if the node ends, or no longer sends
+    heartbeats, before the node has reported a complete stop.  It also sets the latch, a flag that
+    blocks all later motion of the node.
 
-    :param process: the process of the guardian
-    :param number: the number of the robot's slot in the shared memory
-    :param slot: the memory that both processes share for this robot
+    :param process: the guardian process, which guards all robots of the node
+    :param number: the number of the slot, the part of the shared memory that belongs to the robot
+    :param slot: the slot itself
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     """
 
@@ -231,23 +278,32 @@ class Guardian:
 
     @property
     def participants(self) -> set[bytes]:
-        """Return the DDS participants of the guardian; several if it joined the graph again."""
+        """
+        Return the DDS participants of the guardian, which is a separate process.
+
+        There are several if the guardian joined the ROS graph again, because a robot did not
+        discover it in time.
+        """
         return self._process.participants
 
     @property
     def shared_memory(self) -> tuple[int, int] | None:
         """
-        Return the file descriptor of the shared memory, and the slot number of this robot.
+        Return the file descriptor of the memory shared with the guardian, and the robot's slot.
 
-        Another process can read the time of the guardian's stop there.  The value is None after
-        the guardian has ended.
+        The slot is the number of the part of this memory that belongs to the robot.  From this
+        part, another process can read when the guardian began to stop the robot.  The value is
+        None after the guardian process has ended.
         """
         file = self._process.shared_file
         return None if file is None else (file, self.number)
 
     def prime(self) -> None:
         """
-        Ask the guardian to publish one zero velocity.
+        Ask the guardian, a separate process, to publish one zero velocity before the first motion.
+
+        Such messages make sure that the robot already receives messages of the guardian when it
+        moves.
 
         :raises RunFaultError: if the guardian has ended
         """
@@ -255,7 +311,10 @@ class Guardian:
 
     def heartbeat(self) -> None:
         """
-        Report during a run that the thread which sends velocities still works.
+        Report to the guardian that the thread which sends velocities still works.
+
+        The guardian is a separate process.  If it gets no such report in time during a drive, it
+        stops the robot.
 
         :raises RunFaultError: if the guardian has ended or is frozen
         """
@@ -270,28 +329,39 @@ class Guardian:
             self._process.send(self, GuardianMessage.HEARTBEAT)
 
     def report_stopping(self) -> None:
-        """Report to the guardian that the run is over, and that zero velocities follow."""
+        """
+        Report to the guardian that the drive is over, and that the node now sends zero velocities.
+
+        The guardian is a separate process that stops the robot if the node cannot.
+        """
         self._report(GuardianMessage.STOPPING)
 
     def report_stopped(self) -> None:
-        """Report to the guardian that the complete stop was sent."""
+        """
+        Report to the guardian that the node has sent all zero velocities of a stop.
+
+        After this, the guardian, a separate process, need not stop the robot if the node ends.
+        """
         self._report(GuardianMessage.STOPPED)
 
     def shutdown(self) -> None:
         """
-        End the guardian's work for the robot, and wait until it can no longer send to the robot.
+        End the guardian's work for this robot, and wait until it can no longer send to the robot.
 
-        If no complete stop was reported after a run, the guardian first stops the robot.
+        The guardian is a separate process.  If the node has not reported a complete stop since the
+        last drive, the guardian first stops the robot.
         """
         self._process.remove(self)
 
     def on_report(self, word: str, value: str) -> None:
         """
-        Process a line that the guardian has printed about this robot.
+        Process a line that the guardian, a separate process, has printed about this robot.
 
-        :param word: ``primed`` (a zero velocity was published on request), ``matched`` (the robot
-            subscribes), ``stopped`` (the robot was stopped) or ``left`` (nothing more is sent)
-        :param value: the reason of the stop if the word is ``stopped``
+        :param word: ``primed`` (the guardian has published a requested zero velocity), ``matched``
+            (the robot subscribes to its messages), ``stopped`` (it has stopped the robot, or is
+            doing so) or ``left`` (it sends nothing more to the robot)
+        :param value: why the guardian stopped the robot, if the word is ``stopped``; otherwise
+            unused
         """
         if word == 'primed':
             self.prime_count += 1
@@ -310,15 +380,17 @@ class Guardian:
 
 class GuardianProcess:
     """
-    Starts the guardian's program, and sends messages to it over a pipe.
+    Starts the guardian, a separate process that stops robots, and sends messages to it.
 
-    The guardian runs in its own session, so Ctrl+C does not reach it.  Child processes of the node
-    close their copy of the pipe, so the pipe closes exactly when the node ends.
+    The guardian runs in its own session (``setsid``), so Ctrl+C does not reach it.  The messages
+    go through a pipe.  When the node ends, the pipe closes, and the guardian notices this.  A
+    child process of the node closes its copy of the pipe at once, because an open copy would hide
+    the end of the node.
 
-    :param command: the command of the guardian's program; three file descriptors are added as the
-        last arguments: the pipe and the socket to read from, and the file of the
-        ``GuardianMemory``
-    :param environment: the environment variables of the program
+    :param command: the command that starts the guardian.  Three file descriptors are added as its
+        last arguments: the pipe for messages, the socket for descriptions of robots, and the file
+        of the shared memory
+    :param environment: the environment variables of the guardian
     """
 
     def __init__(self, command: Sequence[str], environment: dict[str, str]) -> None:
@@ -352,14 +424,16 @@ class GuardianProcess:
             self, topic: str, command_timeout: float, message_type: str, frame: str,
             claim: int) -> Guardian | None:
         """
-        Guard one more robot.
+        Make the guardian process guard one more robot.
 
         :param topic: the velocity topic of the robot, after remapping
         :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
-        :param message_type: Twist or TwistStamped
-        :param frame: the frame in the header of a stamped message
-        :param claim: the file descriptor of the claim on the robot; the guardian keeps it open
-        :returns: the guardian of the robot; None if the process has ended or reads nothing
+        :param message_type: the type of velocity messages: Twist or TwistStamped
+        :param frame: the frame in the header of a TwistStamped
+        :param claim: the file descriptor of the claim, a socket that shows other programs that the
+            robot is in use; the guardian keeps it open while it guards the robot
+        :returns: the interface to the guardian for this robot; None if the guardian process has
+            ended, or does not read the description of the robot in time
         :raises UsageError: if the process guards MAX_ROBOTS robots already
         """
         with self._adding:
@@ -386,10 +460,12 @@ class GuardianProcess:
 
     def remove(self, guardian: Guardian) -> None:
         """
-        End the guardian's work for a robot, and end the process after the last robot.
+        End the guardian's work for one robot; after the last robot, end the guardian process.
 
-        Wait until the guardian can no longer send to the robot.  If the guardian does not answer,
-        it is killed, and the runs of all other robots end with an error.
+        This method waits until the guardian can no longer send to the robot.  If the guardian does
+        not answer in time, it is killed, and the drives of all other robots end with an error.
+
+        :param guardian: the interface to the guardian for this robot
         """
         with contextlib.suppress(RunFaultError):
             self.send(guardian, GuardianMessage.LEAVE)
@@ -409,7 +485,10 @@ class GuardianProcess:
         """
         Send a message about one robot to the guardian process.
 
-        :raises RunFaultError: if the guardian has ended, or has left the robot
+        :param guardian: the interface to the guardian for this robot
+        :param message: what to report or to request, for example the end of a stop
+        :raises RunFaultError: if the guardian process has ended or reads nothing, or no longer
+            guards this robot
         """
         # Its slot may belong to another robot by now.
         has_left = self._guardians.get(guardian.number) is not guardian
@@ -441,7 +520,7 @@ class GuardianProcess:
             guardian.has_left.set()
 
     def _wait(self) -> None:
-        """Wait until the process has ended; kill it if it does not end by itself."""
+        """Wait until the guardian process has ended; after GUARDIAN_EXIT_TIMEOUT, kill it."""
         try:
             self._process.wait(GUARDIAN_EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:

@@ -30,9 +30,10 @@ def exit_on_interrupt() -> None:
     """
     Make Ctrl+C end the process at once, until ``raise_on_interrupt`` is called.
 
-    Call this before the program imports its modules: an interrupted import prints a traceback, or
-    raises another error.  It has no effect if SIGINT is ignored or already has a handler, or
-    outside the main thread.
+    Call this function before the program imports its modules, because Ctrl+C during an import
+    would print a traceback or cause another error.  The function does nothing if SIGINT is
+    ignored, if the program has already set its own handler for SIGINT, or if the caller is not the
+    main thread.
     """
     if (threading.current_thread() is threading.main_thread()
             and signal.getsignal(signal.SIGINT) is signal.default_int_handler):
@@ -40,6 +41,10 @@ def exit_on_interrupt() -> None:
 
 
 def raise_on_interrupt() -> None:
-    """Make Ctrl+C raise KeyboardInterrupt again, if ``exit_on_interrupt`` has changed that."""
+    """
+    Make Ctrl+C raise KeyboardInterrupt again, after a call of ``exit_on_interrupt``.
+
+    Do nothing if ``exit_on_interrupt`` has not changed the handler of SIGINT.
+    """
     if signal.getsignal(signal.SIGINT) is _exit:
         signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -15,8 +15,8 @@
 Make standard output and standard error non-blocking: text that cannot be written is dropped.
 
 A full pipe, or a terminal after Ctrl+S, blocks each write without end.  The logger of ROS writes
-in C code and holds Python's interpreter lock during the write.  Then no thread can run, not even
-a thread that stops a robot.
+in C code and holds Python's interpreter lock during the write.  So while this write is blocked, no
+other thread can run, not even a thread that stops a robot.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ def open_closed_streams() -> None:
     """
     Open ``/dev/null`` for each standard stream that is closed.
 
-    Otherwise a file or socket that is opened later gets the descriptor of the stream, and text for
-    the stream is written to it.
+    Without this, the next file or socket that the program opens gets the file descriptor of the
+    closed stream.  Text for the stream would then be written into this file or socket.
     """
     for name, mode in ('stdin', 'r'), ('stdout', 'w'), ('stderr', 'w'):
         if getattr(sys, name) is None:
@@ -55,14 +55,15 @@ def open_closed_streams() -> None:
 
 def make_nonblocking(*descriptors: int) -> None:
     """
-    Make outputs non-blocking for this process; Python's streams drop text that cannot be written.
+    Make outputs of this process non-blocking, and drop text that cannot be written.
 
-    Processes that share an open file also share its flag ``O_NONBLOCK``.  So the shell would keep
-    the flag after the end of this program.  To prevent this, the output is opened a second time if
-    possible.  Otherwise (a socket, the terminal of another user) the flag is set until this
-    program exits.  Regular files are not changed.
+    Processes that share an open file also share its flag ``O_NONBLOCK``.  If this program set the
+    flag directly, the shell would keep it after the end of this program.  So this function opens
+    the output a second time, and sets the flag there.  If this is not possible (a socket, or the
+    terminal of another user), it sets the shared flag until this program exits.  Regular files are
+    not changed.
 
-    :param descriptors: 1 (standard output), 2 (standard error) or both
+    :param descriptors: the file descriptors: 1 (standard output), 2 (standard error) or both
     """
     open_closed_streams()
     for descriptor in filter(_may_block, descriptors):
@@ -73,20 +74,35 @@ def make_nonblocking(*descriptors: int) -> None:
 
 
 def make_log_nonblocking() -> None:
-    """Make the output stream of the ROS logger non-blocking."""
+    """
+    Make the output to which the ROS logger writes non-blocking.
+
+    This is standard error.  If the environment variable ``RCUTILS_LOGGING_USE_STDOUT`` is 1, both
+    standard output and standard error are made non-blocking.
+    """
     to_stdout = os.environ.get('RCUTILS_LOGGING_USE_STDOUT') == '1'
     make_nonblocking(*[STDOUT, STDERR] if to_stdout else [STDERR])
 
 
 def make_blocking(descriptor: int) -> None:
-    """Make an inherited output blocking, for this process only."""
+    """
+    Make an output blocking that this process has inherited as non-blocking.
+
+    Other processes that use the same output are not affected.
+
+    :param descriptor: the file descriptor of the output
+    """
     if _is_nonblocking(descriptor):
         with contextlib.suppress(OSError):
             _reopen(descriptor, 0)
 
 
 def discard_unread() -> None:
-    """Drop buffered text that standard output does not accept, so that Python can exit."""
+    """
+    Write the buffered text of standard output, and drop the text that nobody reads in time.
+
+    Without this, Python could wait without end for the reader when it exits.
+    """
     if not _may_block(STDOUT):
         return
     stdout = sys.stdout
@@ -100,9 +116,9 @@ def discard_unread() -> None:
 
 def has_room(descriptor: int, timeout: float = 0.0) -> bool:
     """
-    Wait until a write to an output would not block.
+    Wait until a write to an output would not block, or until a timeout.
 
-    :param descriptor: the output
+    :param descriptor: the file descriptor of the output
     :param timeout: how long to wait [s]
     :returns: whether a write would not block; also True if nobody reads the output any longer,
         because then a write fails at once
@@ -114,12 +130,13 @@ def has_room(descriptor: int, timeout: float = 0.0) -> bool:
 
 class NonblockingStream(io.RawIOBase):
     """
-    A raw stream on a non-blocking descriptor: it drops data that cannot be written in time.
+    An unbuffered output stream that drops data which cannot be written in time.
 
-    A write waits up to FLUSH_TIMEOUT for room.  After a timeout, further data is dropped at once
-    until there is room again.  If the reader has closed its end, data is dropped without an error.
+    A write waits up to FLUSH_TIMEOUT until the output has room for data.  After such a timeout,
+    data is dropped without a wait until there is room again.  If the reader has closed its end of
+    a pipe, data is dropped without an error.
 
-    :param descriptor: the descriptor to write to; it stays open
+    :param descriptor: the non-blocking file descriptor to write to; the stream never closes it
     :param name: the name of the stream
     """
 
@@ -131,11 +148,11 @@ class NonblockingStream(io.RawIOBase):
         self.name = name
 
     def fileno(self) -> int:
-        """Return the file descriptor."""
+        """Return the file descriptor to which the stream writes."""
         return self._descriptor
 
     def isatty(self) -> bool:
-        """Return whether the descriptor is a terminal."""
+        """Return whether the stream writes to a terminal."""
         return os.isatty(self._descriptor)
 
     def writable(self) -> bool:
@@ -144,9 +161,9 @@ class NonblockingStream(io.RawIOBase):
 
     def write(self, data: Any, /) -> int:
         """
-        Write data, and drop the part for which there is no room in time.
+        Write data, and drop the part that cannot be written in time.
 
-        :returns: the length of all data, including dropped data [bytes]
+        :returns: the length of all data, including the dropped part [bytes]
         """
         rest = memoryview(data).cast('B')
         count = len(rest)
@@ -220,7 +237,15 @@ def _restore_blocking(descriptor: int) -> None:
 
 
 def _replace_stream(descriptor: int) -> None:
-    """Replace Python's stream, which would raise BlockingIOError, with a non-blocking stream."""
+    """
+    Replace ``sys.stdout`` or ``sys.stderr`` with a stream that drops text if there is no room.
+
+    The reason: Python's own stream raises BlockingIOError if it writes to a full non-blocking
+    output.
+
+    :param descriptor: the file descriptor of the stream: 1 for standard output, 2 for standard
+        error
+    """
     name = STREAMS[descriptor]
     original: TextIO | None = getattr(sys, f'__{name}__')
     if not isinstance(original, io.TextIOWrapper) or isinstance(
@@ -245,9 +270,10 @@ def _replace_stream(descriptor: int) -> None:
 @contextlib.contextmanager
 def print_only_on_success() -> Iterator[None]:
     """
-    Hold back text on standard error, also from C code of ROS, until the end of a block.
+    Hold back text for standard error during a ``with`` block, also text from C code of ROS.
 
-    Print it at the end if the block succeeds; drop it if the block raises an error.
+    If the block succeeds, the text is printed at its end.  If the block raises an error, the text
+    is dropped.
     """
     sys.stderr.flush()
     try:

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Correct the velocities of a plan with odometry: add a bounded correction to each velocity.
+The closed loop: it uses odometry to correct each velocity of a plan by a limited amount.
 
-This module needs no ROS; the caller passes the time.
+This module needs no ROS and reads no clock: the caller passes the odometry and the time.
 """
 
 from __future__ import annotations
@@ -60,10 +60,10 @@ MAX_COORDINATE = 1e9
 
 class PoseSample(NamedTuple):
     """
-    A pose from odometry, after the odometry calibration.
+    A pose from odometry, after it was corrected by the odometry calibration.
 
-    :param arrived: when the message arrived [s on the steady clock]
-    :param pose: the pose on the floor, according to the odometry calibration
+    :param arrived: when the odometry message arrived [s on the steady clock]
+    :param pose: the pose of the robot on the floor, according to the odometry calibration
     """
 
     arrived: float
@@ -71,7 +71,12 @@ class PoseSample(NamedTuple):
 
 
 class _Sent(NamedTuple):
-    """A velocity of the plan, the time when it was sent, and the planned pose at that time."""
+    """
+    A velocity of the plan, the time when it was sent, and the planned pose at that time.
+
+    The time is in seconds on the steady clock.  The pose is relative to the pose at the start of
+    the drive.  The velocity is the planned velocity, without a correction.
+    """
 
     time: float
     pose: Pose
@@ -80,27 +85,32 @@ class _Sent(NamedTuple):
 
 def loop_gain(delay: float) -> float:
     """
-    Return the gain of the control loop [1/s], formula (21) of docs/theory.md.
+    Return the gain of the closed loop [1/s], by which the pose error is multiplied.
 
-    The gain times the delay is at most 1/e, so that the loop does not overshoot.
+    It is given by formula (21) of docs/theory.md.  The gain times the delay is at most 1/e, so
+    that the loop does not overshoot.
 
-    :param delay: dead time plus lag of the robot [s]
+    :param delay: the time from a command to its effect in odometry: dead time plus lag of the
+        robot [s]
     """
     return min(MAX_LOOP_GAIN, 1.0 / (math.e * delay)) if delay else MAX_LOOP_GAIN
 
 
 class PoseFeedback:
     """
-    Adds a correction to each velocity of a run, so that the robot follows the plan: a closed loop.
+    A closed loop: it corrects each planned velocity, so that the robot follows its plan.
 
-    The error is the difference between the newest odometry sample and the planned pose at an
-    earlier time: the arrival of the sample minus the delay.  So the delay itself causes no error.
-    Formulas (20) and (21) of docs/theory.md define the correction.
+    The pose error is the difference between the newest pose from odometry and a planned pose.
+    This planned pose belongs to an earlier time: the arrival of the odometry message minus the
+    delay.  So the delay itself causes no error.  Formulas (20) and (21) of docs/theory.md define
+    the correction.
 
-    One thread has to call all methods except ``on_odometry``, which another thread may call.
+    One thread has to call all methods except ``on_odometry``.  Another thread may call
+    ``on_odometry``.
 
-    :param delay: time from a command to its effect in odometry: dead time plus lag [s]
-    :param odometry: the calibration from reported odometry to the motion on the floor
+    :param delay: the time from a command to its effect in odometry: dead time plus lag [s]
+    :param odometry: the calibration that converts the odometry of the robot to its motion on the
+        floor
     """
 
     def __init__(self, delay: float, odometry: OdometryCalibration | None = None) -> None:
@@ -119,12 +129,13 @@ class PoseFeedback:
 
     def on_odometry(self, arrived: float, pose: Pose, is_moving: bool) -> None:
         """
-        Process an odometry sample.
+        Process a pose from odometry.
 
-        :param arrived: when the sample arrived [s on the steady clock]; the sample is ignored if
-            this is not later than the previous sample
-        :param pose: the pose; the sample is ignored if a coordinate is not finite or too large
-        :param is_moving: whether odometry shows motion
+        :param arrived: when the odometry message arrived [s on the steady clock]; the pose is
+            ignored if this is not later than the arrival of the previous pose
+        :param pose: the pose as odometry reports it; it is ignored if a coordinate is not finite
+            or too large
+        :param is_moving: whether odometry shows that the robot moves
         """
         if not (math.isfinite(arrived)
                 and abs(pose.x) + abs(pose.y) + abs(pose.theta) < MAX_COORDINATE):
@@ -141,15 +152,25 @@ class PoseFeedback:
         self._samples = (*samples, sample)[-START_SAMPLES:] if is_one_rest else (sample,)
 
     def age(self, now: float) -> float:
-        """Return the age of the newest sample [s]; infinite before the first."""
+        """
+        Return how long ago the newest accepted pose from odometry arrived [s].
+
+        The value is infinite if no pose has arrived yet.
+
+        :param now: the time [s on the steady clock]
+        """
         return now - self._samples[-1].arrived if self._samples else math.inf
 
     def begin(self, plan: Plan, limits: Limits) -> None:
         """
-        Begin a run; ``on_odometry`` must have received at least one sample before.
+        Begin to correct the velocities of a new plan.
 
-        :param plan: the plan; it uses only the fraction ``CLOSED_LOOP_SHARE`` of the limits
-        :param limits: the limits of velocity and acceleration for the corrected velocities
+        Before this call, ``on_odometry`` must have received at least one pose.
+
+        :param plan: the plan, whose velocities use only the fraction ``CLOSED_LOOP_SHARE`` of the
+            limits, so that corrections are possible
+        :param limits: the full limits of velocity and acceleration, which the corrected velocities
+            keep
         """
         self._limits = limits
         self._gain = loop_gain(self._delay)
@@ -169,9 +190,9 @@ class PoseFeedback:
 
     def correct(self, tick: Tick, now: float) -> Velocity:
         """
-        Return the corrected velocity to send for a tick.
+        Return the velocity to send: the planned velocity plus a correction from odometry.
 
-        :param tick: the tick
+        :param tick: the planned velocity, with the time when it is due
         :param now: when the velocity is sent [s on the steady clock]
         :raises RunFaultError: if the robot is too far from its planned pose
         """
@@ -191,7 +212,16 @@ class PoseFeedback:
         return velocity
 
     def _error(self, now: float) -> Pose | None:
-        """Return the planned pose relative to the robot's pose; None if it is unknown now."""
+        """
+        Return the pose error: the planned pose, seen from the pose that odometry shows.
+
+        Both poses belong to the same time, which is the arrival of the newest odometry minus the
+        delay of the robot.
+
+        :param now: the time [s on the steady clock]
+        :returns: the error; None if the newest odometry is too old, or if the drive has just begun
+        :raises RunFaultError: if the error is larger than MAX_POSITION_ERROR or MAX_HEADING_ERROR
+        """
         arrived, pose = self._samples[-1]
         then = arrived - self._delay
         if now - arrived > FEEDBACK_MAX_AGE or then < self._sent[0].time:
@@ -212,7 +242,13 @@ class PoseFeedback:
         return error
 
     def _correction(self, tick: Tick, error: Pose | None) -> Velocity:
-        """Return the bounded correction for an error, to be added to the planned velocity."""
+        """
+        Return the correction, within its bounds, that is added to the planned velocity.
+
+        :param tick: the planned velocity, with the time when it is due
+        :param error: the planned pose, seen from the pose of the robot; None if it is unknown, and
+            then the correction is zero
+        """
         planned, gain, top = tick.velocity, self._gain, self._top
         if error is None:
             return ZERO
@@ -233,11 +269,14 @@ class PoseFeedback:
 
     def _check_settle(self, tick: Tick) -> None:
         """
-        Add up the angle by which corrections of the heading at rest (a settle) turn the robot.
+        Check that the corrections in a settle do not turn the robot too far.
 
-        This check detects a drift of odometry.  Odometry that drifts shows a turn although the
-        robot stands still.  The corrections then turn the robot against this drift.
+        A settle is a step of the plan in which the robot stands still and only its heading is
+        corrected.  If odometry drifts, it shows a turn although the robot stands still, and the
+        corrections then turn the robot against this drift.  To detect this, the method adds up the
+        angle of the corrections.
 
+        :param tick: the planned velocity, with the time when it is due
         :raises RunFaultError: if the angle is larger than MAX_HEADING_ERROR
         """
         before = self._last_tick
@@ -253,21 +292,46 @@ class PoseFeedback:
                 'something turns the robot')
 
     def _is_settling(self, tick: Tick) -> bool:
-        """Return whether a tick is in a settle, a step that corrects the heading at rest."""
+        """
+        Return whether a planned velocity belongs to a settle.
+
+        A settle is a step of the plan in which the robot stands still and only its heading is
+        corrected.
+
+        :param tick: the planned velocity, with the time when it is due
+        """
         return self._step(tick).step.settles
 
     def _settle_time(self, tick: Tick) -> float:
-        """Return how long the heading may still be corrected at rest [s]; 0 if it may not be."""
+        """
+        Return how long the heading may still be corrected while the robot stands still.
+
+        Such corrections are allowed only in a settle, a step of the plan in which the robot stands
+        still and only its heading is corrected.
+
+        :param tick: the planned velocity, with the time when it is due
+        :returns: the time until the end of the settle [s]; 0 if there is no settle now, or if a
+            speed factor of 0 holds the robot
+        """
         if tick.rest == math.inf or not self._is_settling(tick):
             return 0.0
         return self._step(tick).end - (tick.plan_time or 0.0)
 
     def _step(self, tick: Tick) -> PlannedStep:
-        """Return the step of the plan to which a tick belongs."""
+        """
+        Return the step of the plan, for example a move or a turn, to which a velocity belongs.
+
+        :param tick: the planned velocity, with the time when it is due
+        """
         return self._plan.steps[self._plan.step_index(tick.plan_time or 0.0)]
 
     def _limited(self, tick: Tick, wanted: Velocity) -> Velocity:
-        """Return the velocity within the limits that is nearest to the wanted velocity."""
+        """
+        Return the velocity that keeps all limits and is nearest to a wanted velocity.
+
+        :param tick: the planned velocity, with the time when it is due
+        :param wanted: the wanted velocity: the planned velocity plus the correction
+        """
         before, limits = self._last_tick, self._limits
         duration = tick.start - before.start if before else 0.0
         planned = before.velocity if before else ZERO
@@ -287,14 +351,16 @@ def _reachable(
         wanted: float, last: float, planned_change: float, largest_change: float,
         bounds: tuple[float, float]) -> float:
     """
-    Return the allowed velocity that is nearest to the wanted velocity.
+    Return the velocity that is nearest to a wanted velocity and keeps the limits.
 
     All values are linear [m/s], or all are angular [rad/s].
 
     :param wanted: the wanted velocity
     :param last: the velocity that was sent last
-    :param planned_change: the change of the planned velocity; it is always allowed
-    :param largest_change: the largest increase or decrease that is allowed in any case
+    :param planned_change: the difference between the planned velocity and the previous planned
+        velocity; a change by this difference is always allowed
+    :param largest_change: the largest increase or decrease from ``last`` that is allowed in any
+        case
     :param bounds: the smallest and the largest allowed velocity
     """
     low = last + min(planned_change, -largest_change)
@@ -303,12 +369,24 @@ def _reachable(
 
 
 def _rate(acceleration: float, deceleration: float, duration: float) -> float:
-    """Return the largest velocity change that is possible in a time, both up and down."""
+    """
+    Return the largest change of a velocity, up or down, that is possible in a given time.
+
+    It is the smaller one of both limits, multiplied by the time.
+
+    :param acceleration: the limit for an increase [m/s^2] or [rad/s^2]
+    :param deceleration: the limit for a decrease, in the same unit
+    :param duration: the time [s]
+    """
     return min(acceleration, deceleration) * duration if duration else 0.0
 
 
 def _are_near(one: PoseSample, two: PoseSample) -> bool:
-    """Return whether two samples at rest are so close that odometry did not jump."""
+    """
+    Return whether two odometry samples of a robot at rest are close in time and in pose.
+
+    If they are not, odometry was interrupted or has jumped, and the samples must not be averaged.
+    """
     distance, angle = distance_between(one.pose, two.pose)
     return (two.arrived - one.arrived <= FEEDBACK_MAX_AGE
             and distance <= MAX_MOVED_DISTANCE and abs(angle) <= MAX_MOVED_ANGLE)

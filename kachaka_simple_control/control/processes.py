@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Start child processes, read the state of processes, set priorities, read the boot clock."""
+"""Start child processes, read the state of processes, set priorities, and read the boot clock."""
 
 from __future__ import annotations
 
@@ -45,7 +45,12 @@ def python_command(module: str) -> list[str]:
 
 
 def child_environment() -> dict[str, str]:
-    """Return an environment in which a child finds all modules that this process finds."""
+    """
+    Return environment variables with which a child process can import the same modules.
+
+    The variable ``PYTHONPATH`` of the child has the entries of the module search path of this
+    process.
+    """
     # This also works if the package is not installed.
     entries = [Path(entry).resolve() for entry in sys.path]
     path = os.pathsep.join(str(entry) for entry in entries if entry != PACKAGE)
@@ -56,25 +61,33 @@ def boottime() -> float:
     """
     Return the time since the machine was started [s], including the time in suspend.
 
-    The steady clock does not count the time in which the machine is suspended; this clock does.
+    This clock differs from the steady clock, which does not count the time in suspend.
     """
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 def is_stopped(pid: int) -> bool:
-    """Return whether SIGSTOP or a debugger has stopped a process; False if unknown."""
+    """Return whether SIGSTOP or a debugger has suspended a process; False if this is unknown."""
     fields = _stat_fields(pid)
     return fields is not None and fields[0] in STOPPED_STATES
 
 
 def is_running(pid: int) -> bool:
-    """Return whether a process exists and is not a zombie; False if unknown."""
+    """
+    Return whether a process exists and has not ended; False if this is unknown.
+
+    A process that has ended may still exist as a zombie.  It counts as ended.
+    """
     fields = _stat_fields(pid)
     return fields is not None and fields[0] != 'Z'
 
 
 def is_in_background(pid: int) -> bool:
-    """Return whether a process is in the background, where Ctrl+C does not reach it."""
+    """
+    Return whether a process is in the background of a terminal, where Ctrl+C does not reach it.
+
+    The value is False if the process has no terminal, or if its state is unknown.
+    """
     fields = _stat_fields(pid)
     if fields is None:
         return False
@@ -84,7 +97,7 @@ def is_in_background(pid: int) -> bool:
 
 def _stat_fields(pid: int) -> list[str] | None:
     """
-    Return the fields after the name in ``/proc/<pid>/stat``; None if they cannot be read.
+    Return the fields after the process name in ``/proc/<pid>/stat``; None if unreadable.
 
     The first fields are: state, parent, process group, session, terminal, and the foreground
     process group of the terminal (-1 without a terminal).
@@ -98,7 +111,7 @@ def _stat_fields(pid: int) -> list[str] | None:
 
 
 def lower_priority() -> None:
-    """Lower the CPU priority of this process."""
+    """Lower the CPU priority of this process, if the system allows it."""
     with contextlib.suppress(OSError):
         os.nice(NICENESS)
 
@@ -107,7 +120,8 @@ def set_idle_priority() -> None:
     """
     Let this process run only if no other process needs the CPU.
 
-    A low priority alone is not enough: Linux may still delay another process that wakes up.
+    A low priority is not enough, because this process could still delay another process that wakes
+    up.  So the function also sets the scheduling policy SCHED_IDLE of Linux.
     """
     lower_priority()
     with contextlib.suppress(AttributeError, OSError):

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The drive of one robot: send due velocities, check for faults, report the progress."""
+"""Drive one robot: send velocities when they are due, check for faults, report the progress."""
 
 from __future__ import annotations
 
@@ -33,7 +33,11 @@ from kachaka_simple_control.motion.plan import Plan
 
 
 class RunState(Enum):
-    """The state of the newest run; each value is the text for the user."""
+    """
+    The state of the newest run, which is one drive of the robot.
+
+    Each value is a text that the user sees.
+    """
 
     NONE = 'nothing started yet'
     CONNECTING = 'connecting to the robot'
@@ -46,19 +50,24 @@ class RunState(Enum):
 @dataclass(frozen=True)
 class RunProgress:
     """
-    The progress of the newest run at one time; the object never changes.
+    The progress of the newest run, which is one drive of the robot, at one moment.
+
+    The object never changes.
 
     :param title: the name of the motion; empty before the first run
-    :param plan: the plan of the run; None without one
-    :param began: t = 0 of the run [s on the steady clock]; nan before the run began
-    :param plan_time: the time in the plan to which the newest velocity belongs [s]; None without a
-        plan
+    :param plan: the plan of the run; None without a plan
+    :param began: when the first velocity was due, called t = 0 [s on the steady clock]; nan before
+        the run began
+    :param plan_time: the point in the plan to which the newest velocity belongs [s after the start
+        of the plan]; None without a plan
     :param start: the pose of the robot at t = 0 according to odometry; None if unknown
-    :param way: the planned pose relative to the start, integrated from the velocities since t = 0
-    :param factors: the speed factors below 1, by the name of the source that set them
-    :param late: number of velocities in all runs that were sent a quarter of a period or more
-        after their due time
-    :param skipped: number of velocities in all runs that were not sent, because the next one was
+    :param way: the planned pose relative to ``start``, integrated from the planned velocities
+        since t = 0
+    :param factors: the speed factors below 1, by the name of the source that set them, such as a
+        pause; the robot drives slower than planned by their product
+    :param late: how many velocities in all runs were sent a quarter of a period or more after they
+        were due
+    :param skipped: how many velocities in all runs were not sent, because the next velocity was
         already due
     :param is_over: whether the run has ended
     :param ended_by: why the run ended early; None if it did not
@@ -78,7 +87,7 @@ class RunProgress:
 
     @property
     def state(self) -> RunState:
-        """Return the state of the run."""
+        """Return the state of the newest run, for example connecting, driving, paused or ended."""
         if not self.title:
             return RunState.NONE
         if self.is_over:
@@ -89,12 +98,21 @@ class RunProgress:
 
     @property
     def planned_pose(self) -> Pose | None:
-        """Return the planned pose of the robot in the odometry frame; None if unknown."""
+        """
+        Return the pose at which the robot should be now, according to the plan.
+
+        The pose is in the odometry frame.  The value is None if the pose at the start is unknown.
+        """
         return None if self.start is None else compose(self.start, self.way)
 
     @property
     def step(self) -> tuple[int, int]:
-        """Return the number of the current step, 0 before the first, and the number of steps."""
+        """
+        Return the number of the current step of the plan, and the number of all steps.
+
+        The first step has the number 1.  Before the first velocity, the number of the current step
+        is 0.  Without a plan both values are 0.
+        """
         if self.plan is None or not self.plan.steps:
             return 0, 0
         number = 0 if self.plan_time is None else self.plan.step_index(self.plan_time) + 1
@@ -109,13 +127,14 @@ class RobotDrive:
     """
     Drives one robot through a run, from the first velocity to the zero velocity at the end.
 
-    The object has no thread and no clock.  The caller passes the time to ``step``, and calls
-    ``step`` again at the time that ``step`` returns.  Any thread may use ``end`` and ``progress``.
+    A run is one drive of the robot.  The object has no thread and reads no clock.  The caller
+    passes the time to ``step``, and calls ``step`` again at the time that ``step`` returns.  Any
+    thread may use ``end`` and ``progress``.
 
-    :param gate: the velocity gate, which sends the velocities
+    :param gate: the velocity gate, the only object that publishes velocities
     :param monitor: sends heartbeats, corrects velocities, and raises an error if a fault must end
         the run
-    :param speed_factor: the speed relative to the plan, as a product of named factors
+    :param speed_factor: the speed of the robot relative to its plan
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     """
 
@@ -139,10 +158,12 @@ class RobotDrive:
 
     def request(self, title: str, plan: Plan | None = None) -> None:
         """
-        Show in ``progress`` which motion is next; the robot may not be connected yet.
+        Show in the property ``progress`` which motion is driven next.
+
+        The robot may not be connected yet.
 
         :param title: the name of the motion
-        :param plan: the plan of the motion; None without one
+        :param plan: the plan of the motion; None if velocities are commanded directly
         """
         before = self._progress
         self._tick, self._way = None, ORIGIN
@@ -152,15 +173,17 @@ class RobotDrive:
             self, source: VelocitySource, t0: float, period: float | None = None,
             run: Run | None = None, start: Pose | None = None) -> Run:
         """
-        Begin a run; after this the caller has to call ``step``.
+        Begin a run, which is one drive of the robot; after this the caller has to call ``step``.
 
-        :param source: the source of the velocities
-        :param t0: when the first velocity is due: t = 0 [s on the steady clock]
-        :param period: normal time between two velocities [s]; None if unknown
-        :param run: the run that the gate prepared before; None for a new run
+        :param source: the object that returns the velocities to send: a plan, or direct commands
+        :param t0: when the first velocity is due, called t = 0 [s on the steady clock]
+        :param period: the normal time between two velocities [s]; None if unknown
+        :param run: a run that the method ``prepare`` of the velocity gate has returned; None for a
+            new run
         :param start: the pose of the robot according to odometry; None if unknown
         :returns: the run
-        :raises ControlError: if the run may not begin
+        :raises ControlError: if the run was cancelled before, or if no velocity may be sent to the
+            robot
         """
         self._run = self.gate.begin(
             max_gap(period, self._command_timeout), run, self._command_timeout, t0)
@@ -175,10 +198,11 @@ class RobotDrive:
         Check for faults, and send a velocity if one is due.
 
         :param now: the time [s on the steady clock]
-        :returns: the latest time of the next call [s on the steady clock]; None at the end of the
-            run.  At the end one zero velocity has been sent, and the caller has to send the
-            complete stop
-        :raises ControlError: if the run was ended or cannot continue
+        :returns: the latest time at which this method must be called again [s on the steady
+            clock]; None at the end of the run.  At the end one zero velocity has been sent, and
+            the caller has to send the complete stop: zero velocities until the robot's command
+            timeout has passed
+        :raises ControlError: if another thread ended the run, or if the run cannot continue
         """
         run, source, gate = self._run, self._source, self.gate
         assert source is not None
@@ -211,18 +235,24 @@ class RobotDrive:
         return min(run.began + tick.deadline, now + CHECK_PERIOD)
 
     def on_source_changed(self) -> None:
-        """Make ``step`` ask the source for a velocity at once; any thread may call this."""
+        """
+        Make ``step`` get a velocity from its source at once, because a new one was commanded.
+
+        Any thread may call this.
+        """
         self._has_source_changed = True
         self.gate.wake()
 
     def end(self, reason: ControlError) -> bool:
         """
-        End the current run and send one zero velocity at once; any thread may call this.
+        End the current run early, and send one zero velocity at once; any thread may call this.
 
-        The thread that drives the run then raises the reason, and sends the complete stop.
+        The thread that drives the run then raises the error ``reason``.  It also sends the
+        complete stop: zero velocities until the robot's command timeout has passed.
 
         :param reason: the error that the thread raises
-        :returns: whether this call ended a run
+        :returns: True if this call ended the run; False if there was no run, or if another call
+            ended it before
         """
         run = self.gate.cancel(reason)
         is_ended = run is not None and run.ended_by is reason
@@ -232,15 +262,15 @@ class RobotDrive:
 
     def finish(self, reason: str | None = None) -> None:
         """
-        Show in ``progress`` that the run is over.
+        Record that the newest drive is over, so that the property ``progress`` shows this.
 
-        :param reason: why the run ended early; None if it was complete
+        :param reason: why the drive ended early; None if it was complete
         """
         self._progress = replace(self.progress, is_over=True, ended_by=reason)
 
     @property
     def progress(self) -> RunProgress:
-        """Return the progress of the newest run now."""
+        """Return the progress of the newest run, such as its plan and its planned pose."""
         tick = self._tick
         if self._progress.is_over or tick is None:
             return replace(self._progress, factors=self.speed_factor.factors)
@@ -249,7 +279,11 @@ class RobotDrive:
             factors=self.speed_factor.factors)
 
     def _count(self, sent: float) -> None:
-        """Count late and skipped velocities, after a velocity was sent at the time ``sent``."""
+        """
+        Count how many velocities were late or were skipped, after a velocity was sent.
+
+        :param sent: when the velocity was sent [s on the steady clock]
+        """
         source, late = self._source, sent - self._run.began - self._due
         is_late = self._period is not None and late >= LATE * self._period
         if source is not None and (is_late or source.skipped):

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The checks for faults during a run, and the renewal of manual control."""
+"""
+Check for faults while the robot is driven, and renew manual control in time.
+
+Manual control is the mode in which a robot such as a Kachaka accepts velocities.
+"""
 
 from __future__ import annotations
 
@@ -44,27 +48,37 @@ from kachaka_simple_control.motion.geometry import Velocity
 
 
 class PendingResponse(Protocol):
-    """The response to a request for manual control; it may not have arrived yet."""
+    """
+    The robot's response to a request for manual control; it may not have arrived yet.
+
+    Manual control is the mode in which the robot accepts velocities.
+    """
 
     @property
     def done(self) -> bool:
-        """Whether the response has arrived."""
+        """Whether the robot has responded to the request for manual control."""
 
     @property
     def refusal(self) -> str | None:
-        """Why manual control was refused; None if it was granted."""
+        """
+        Why the robot refused manual control; None if it granted manual control.
+
+        Manual control is the mode in which the robot accepts velocities.  The value is valid only
+        after the response has arrived.
+        """
 
 
 class LeaseRenewer:
     """
     Requests manual control again before it expires, if possible while the plan is at rest.
 
-    A robot grants manual control for a limited time (a lease).  It processes a request between two
-    velocities.  If the response takes longer than the robot's command timeout, the robot has
+    Manual control is the mode in which a robot accepts velocities.  The robot grants it for a
+    limited time (a lease).  While the robot processes a request for manual control, it processes
+    no velocity.  If the response takes longer than the robot's command timeout, the robot has
     stopped in the middle of the motion.
 
-    :param request: sends a request, and does not wait for the response
-    :param response_timeout: how long a response may take in a run [s]
+    :param request: a function that sends a request, and does not wait for the response
+    :param response_timeout: how long a response may take while the robot is driven [s]
     """
 
     def __init__(
@@ -76,23 +90,35 @@ class LeaseRenewer:
 
     def granted(self, requested: float) -> None:
         """
-        Record that manual control was granted.
+        Record that the robot has granted manual control, the mode in which it accepts velocities.
 
-        :param requested: when it was requested [s]; the age of the lease counts from this time
+        :param requested: when manual control was requested [s]; manual control expires some time
+            after this request
         """
         self._requested = requested
         self._pending = None
 
     def is_stale(self, now: float) -> bool:
-        """Return whether manual control must be renewed before a run, because of its age."""
+        """
+        Return whether manual control is so old that it must be renewed before a drive.
+
+        Manual control, the mode in which the robot accepts velocities, expires some time after it
+        was requested.
+
+        :param now: the time [s]
+        """
         return now - self._requested >= LEASE_RENEW_AT_REST
 
     def on_sent(self, now: float, rest: float) -> None:
         """
         Request manual control again if it will expire soon; call this after each velocity.
 
+        Manual control is the mode in which the robot accepts velocities.  If possible, the request
+        is sent while the planned velocity is zero for long enough to get the response.  If manual
+        control is older than LEASE_RENEW_LATEST, the request is sent even in motion.
+
         :param now: the time [s]
-        :param rest: how long the plan stays at rest from now on [s]; 0 while moving
+        :param rest: how long the planned velocity stays zero from now on [s]; 0 if the robot moves
         """
         age = now - self._requested
         can_wait = rest >= self._response_timeout
@@ -102,10 +128,13 @@ class LeaseRenewer:
 
     def poll(self, now: float) -> None:
         """
-        Check that the last request for manual control is answered in time and granted.
+        Check that the robot answers the last request for manual control in time, and grants it.
+
+        Manual control is the mode in which the robot accepts velocities.  Do nothing if no request
+        is waiting for an answer.
 
         :param now: the time [s]
-        :raises RunFaultError: if the response took too long, or manual control was refused
+        :raises RunFaultError: if the answer takes too long, or if the robot refuses manual control
         """
         if self._pending is None:
             return
@@ -122,20 +151,25 @@ class LeaseRenewer:
 
 
 class RobotPort(Protocol):
-    """Checks on the robot's endpoints in the ROS graph; each call may have to wait for DDS."""
+    """
+    An interface to check the robot in the ROS graph, for example whether it still subscribes.
+
+    Each call may have to wait for DDS.
+    """
 
     def check_subscribed(self) -> None:
         """
         Check that the robot still subscribes to the velocity topic.
 
-        :raises RunFaultError: if it does not
+        :raises RunFaultError: if no robot subscribes
         """
 
     def check_identity(self) -> None:
         """
-        Check that the subscriber of the velocities is still the robot that this program claimed.
+        Check that the robot which this program drives still subscribes to the velocity topic.
 
-        :raises RunFaultError: if it is another robot, or the robot has left the ROS graph
+        :raises RunFaultError: if only another robot subscribes, or if the robot has left the ROS
+            graph
         """
 
     def check_exclusive(self) -> None:
@@ -146,44 +180,54 @@ class RobotPort(Protocol):
         """
 
     def has_changed(self) -> bool:
-        """Return whether the number of publishers or subscribers changed since the last call."""
+        """
+        Return whether the number of publishers or subscribers has changed since the last call.
+
+        Only the topics of the robot are counted: velocities and odometry.
+        """
 
 
 class OtherPublishers(Protocol):
-    """Detects velocities that other programs send to the robot."""
+    """An interface to detect velocities that other programs send to the robot."""
 
     def update(self) -> bool:
-        """Find velocity publishers of other programs and subscribe; return whether any exist."""
+        """
+        Search the ROS graph for other programs that publish velocities on the topic of this robot.
+
+        If there are any, subscribe to the topic, to detect whether these programs really send.
+
+        :returns: whether there are any such programs
+        """
 
 
 class RunTimeouts(Protocol):
-    """How long a run may be paused, and how long odometry may be silent during a run."""
+    """Two time limits of a drive: for the time in a pause, and for the silence of odometry."""
 
     @property
     def odometry_timeout(self) -> float:
-        """Return how long odometry may be silent [s]; 0 means no limit."""
+        """Return how long odometry may be silent during a drive [s]; 0 means without limit."""
 
     @property
     def pause_timeout(self) -> float:
-        """Return how long a run may be paused [s]."""
+        """Return how long a drive may be paused before it is given up [s]."""
 
 
 class RunMonitor:
     """
     Checks for faults during a run, sends heartbeats and renews manual control.
 
-    If a fault must end the run, the object raises an error.
+    A run is one drive of the robot.  If a fault must end the run, a method of this class raises an
+    error.  The thread that drives the robot calls the methods after each message, and at least
+    every CHECK_PERIOD.  Each call is short.
 
-    The thread that drives calls the methods after each message, and at least every CHECK_PERIOD.
-    Each call is short.
-
-    :param guardian: receives the heartbeats
-    :param lease: renews manual control; None for a robot without manual control
-    :param robot: checks the robot's endpoints in the ROS graph
-    :param others: detects the velocities of other publishers
+    :param guardian: receives the heartbeats; it stops the robot if they do not come
+    :param lease: renews manual control, the mode in which the robot accepts velocities; None for a
+        robot without this mode
+    :param robot: checks the robot in the ROS graph
+    :param others: detects velocities that other programs send to the robot
     :param odometry: detects from odometry whether the robot stands still
-    :param timeouts: the timeouts for silent odometry and for a pause
-    :param speed_factor: the speed relative to the plan
+    :param timeouts: how long odometry may be silent, and how long a run may be paused
+    :param speed_factor: the speed of the robot relative to its plan, from 0 to 1
     """
 
     def __init__(
@@ -214,7 +258,12 @@ class RunMonitor:
 
     @property
     def speed_factor(self) -> float:
-        """Return the speed factor, 0 to 1; after a pause it is 0 until the checks allow motion."""
+        """
+        Return the speed of the robot relative to its plan, from 0 to 1.
+
+        While a source, such as a pause, sets its factor to 0, the value is 0 and the robot is held
+        at rest.  After this the value stays 0 until the checks allow the robot to move again.
+        """
         if self._speed_factor.is_hold:
             self._is_released = False
             return 0.0
@@ -223,9 +272,11 @@ class RunMonitor:
 
     def correct(self, tick: Tick, now: float) -> Velocity:
         """
-        Return the velocity to send for a tick; a closed loop corrects the planned velocity.
+        Return the velocity to send, which a closed loop may have corrected.
 
-        :param tick: the tick
+        Without a closed loop, this is the planned velocity.
+
+        :param tick: the planned velocity, with the time when it is due
         :param now: when the velocity is sent [s on the steady clock]
         :raises RunFaultError: if the robot is too far from its planned pose
         """
@@ -233,12 +284,13 @@ class RunMonitor:
 
     def on_sent(self, rest: float) -> None:
         """
-        Record whether the robot is held at rest, and renew manual control if necessary.
+        Record whether the robot is held at rest, and renew manual control if it expires soon.
 
-        Call this after each velocity.
+        Call this after each velocity.  Manual control is the mode in which the robot accepts
+        velocities.
 
-        :param rest: how long the robot stays at rest from now on [s]; 0 while moving, infinite
-            while a speed factor of 0 holds the robot
+        :param rest: how long the robot stays at rest from now on [s]; 0 while it moves, infinite
+            while a speed factor of 0 holds it at rest
         """
         is_held = rest == math.inf
         if not is_held:
@@ -251,9 +303,12 @@ class RunMonitor:
 
     def begin(self, feedback: PoseFeedback | None) -> None:
         """
-        Reset the state for a new run.
+        Prepare the monitor for a new run, which is one drive of the robot.
 
-        :param feedback: corrects the velocities of the new run; None to send them as planned
+        All that was recorded about a pause in the previous run is forgotten.
+
+        :param feedback: the closed loop, which corrects the velocities of the new run with
+            odometry; None to send the velocities as planned
         """
         self._feedback = feedback
         self._checked = self.clock()
@@ -263,9 +318,13 @@ class RunMonitor:
 
     def check_resume(self) -> None:
         """
-        Repeat the checks of a start before a run continues after the robot was held at rest.
+        Check whether a drive may continue after a pause, in which the robot was held at rest.
 
-        :raises RunFaultError: if the run must not continue
+        These are checks that are also made before a drive: the robot still subscribes, it was not
+        replaced by another robot, no other robot receives the velocities, and odometry is not
+        silent.
+
+        :raises RunFaultError: if the drive must not continue
         """
         self._robot.check_subscribed()
         self._robot.check_identity()
@@ -275,9 +334,12 @@ class RunMonitor:
 
     def check(self) -> None:
         """
-        Send a heartbeat, and check for faults.
+        Send a heartbeat to the guardian, and check for all faults that must end the drive.
 
-        :raises RunFaultError: if the run must end
+        The guardian is a separate process that stops the robot if this program cannot.  If a pause
+        is over, this method also allows the robot to move again.
+
+        :raises RunFaultError: if the drive must end
         """
         now = self.clock()
         self._guardian.heartbeat()
@@ -315,12 +377,14 @@ class RunMonitor:
 
     def _release(self) -> None:
         """
-        Continue the run after the robot was held at rest, unless it was moved in this time.
+        Allow the robot to move again after a pause, unless somebody moved it during the pause.
 
-        The thread that drives calls this, and no lock is held.  So the thread that sets the speed
-        factor does not wait for the checks.
+        In a pause, a speed factor of 0 holds the robot at rest.  The thread that drives the robot
+        calls this method, and holds no lock.  So the thread that ends the pause does not wait for
+        the checks.  If the robot was moved, it stays at rest until somebody resumes the motion
+        again.
 
-        :raises RunFaultError: if the run must not continue
+        :raises RunFaultError: if the drive must not continue
         """
         self.check_resume()
         try:
@@ -332,7 +396,13 @@ class RunMonitor:
             self._is_released = True
 
     def has_lost_robot(self, now: float) -> bool:
-        """Return whether odometry arrived before, and is now silent for too long."""
+        """
+        Return whether odometry has been silent for longer than the parameter ``odometry_timeout``.
+
+        The value is False if odometry has never arrived, or if the parameter is 0.
+
+        :param now: the time [s on the steady clock]
+        """
         age = self._odometry.age(now)
         return age is not None and 0.0 < self._odometry_timeout < age
 

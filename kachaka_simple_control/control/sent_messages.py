@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Distinguish the messages that this program sent from messages of other programs."""
+"""Distinguish the velocity messages of this program from the messages of other programs."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ MAX_KEPT = 4096
 
 class SentMessages:
     """
-    The messages of this program that were sent and have not been received back yet.
+    The velocity messages that this program has sent, and has not received back yet.
 
-    Each sent message matches one received message.  The messages of one publisher arrive in order.
-    So if a message is received, all earlier messages that are still missing were lost.  One thread
-    may record messages while another thread consumes them.
+    This program may subscribe to its own velocity topic, to detect messages of other programs.  It
+    then receives its own messages as well, each at most once, and in the order in which they were
+    sent.  So when one of them is received, all earlier messages that are still missing were lost.
+    One thread may record messages while another thread calls ``consume``.
     """
 
     def __init__(self) -> None:
@@ -37,23 +38,44 @@ class SentMessages:
         self._guardian_zeros: deque[float] = deque(maxlen=MAX_KEPT)
 
     def record(self, now: float, data: bytes) -> None:
-        """Record a serialized message; call this before the message is sent."""
+        """
+        Record a velocity message of this program; call this before the message is sent.
+
+        :param now: the time [s]
+        :param data: the serialized message
+        """
         self._sent.append((now, data))
 
     def record_guardian_zero(self, now: float) -> None:
-        """Record that this program requests a zero velocity from the guardian."""
+        """
+        Record that this program asks its guardian to publish a zero velocity.
+
+        The guardian is a separate process that can stop the robot.  The requested message must
+        later not count as a message of another program.
+
+        :param now: the time of the request [s]
+        """
         self._guardian_zeros.append(now)
 
     def discard_old(self, now: float) -> None:
-        """Discard messages that are too old to reach a subscription that begins now."""
+        """
+        Remove recorded messages that a subscription which begins now can no longer receive.
+
+        :param now: the time [s]; messages that were sent more than MAX_TRANSIT_TIME before are
+            removed
+        """
         while self._sent and now - self._sent[0][0] > MAX_TRANSIT_TIME:
             self._sent.popleft()
 
     def consume(self, data: bytes, is_zero: bool, now: float) -> bool:
         """
-        Remove a received message from this record, and all messages that were sent before it.
+        Check whether this program or its guardian sent a message that was received.
 
-        :param data: the message as received
+        The guardian is a separate process that publishes zero velocities.  If the answer is yes,
+        the message is removed from this record.  If this program itself sent the message, all
+        messages that it sent before are also removed, because they were lost.
+
+        :param data: the received message, serialized
         :param is_zero: whether the message is a zero velocity, which the guardian may have sent
         :param now: the time [s]
         :returns: whether this program or its guardian sent the message

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Handle the signals that end a program: call handlers at once, or wait for a signal."""
+"""Handle SIGINT, SIGTERM and SIGHUP: call handlers at once, or wait for one of these signals."""
 
 from __future__ import annotations
 
@@ -45,9 +45,12 @@ ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 def wakeup_pipe() -> tuple[int, int]:
     """
-    Make Python write the number of each handled signal to a pipe; main thread only.
+    Create a pipe to which Python writes the number of each signal that it handles.
 
-    :returns: the descriptor to read from, and the descriptor to write to, which never blocks
+    Only the main thread may call this.
+
+    :returns: the file descriptor to read from, and the file descriptor to write to, which never
+        blocks
     """
     reader, writer = os.pipe()
     # Python writes from within the signal handler, which must not wait.
@@ -57,27 +60,43 @@ def wakeup_pipe() -> tuple[int, int]:
 
 
 class SignalHandler(Protocol):
-    """A handler of the signals that end a program."""
+    """An interface for an object that reacts when a signal or an error ends the program."""
 
     def on_signal(self, signum: int) -> None:
-        """React to a signal; this runs in its own thread and may take long."""
+        """
+        React to a signal that ends the program.
+
+        This method is called in its own thread, so it may take long.
+
+        :param signum: the number of the signal
+        """
 
     def wake(self) -> None:
-        """Make the main thread return to Python if it waits in C code."""
+        """
+        Make the main thread return to Python if it waits in C code.
+
+        Then Python can handle the signal in the main thread.
+        """
 
     def uncaught(self, error: BaseException) -> None:
-        """React to an exception that ends the main thread."""
+        """
+        React to an exception that was not caught and ends the main thread.
+
+        :param error: the exception
+        """
 
 
 class SignalDispatcher:
     """
-    Passes the signals that end the program to handlers; there is one object per process.
+    Calls all registered handlers when a signal ends the program; each process has one object.
 
-    Each signal has two effects.  First, a thread reads the signal from the wake-up pipe and calls
-    the handlers at once, even while the main thread waits in C code.  Second, Python runs the
-    signal handler in the main thread.  This handler raises KeyboardInterrupt for SIGINT, as Python
-    does, and SystemExit(128 + N) for the other signals, so that ``finally`` and ``with`` blocks
-    run.
+    Each signal has two effects.  First, a separate thread calls the registered handlers at once,
+    even while the main thread waits in C code.  Second, Python runs the signal handler of this
+    object in the main thread.  This signal handler raises KeyboardInterrupt for SIGINT, as Python
+    does, and SystemExit(128 + N) for another signal with the number N.  So ``finally`` and
+    ``with`` blocks run.  If the program had set its own signal handler before, that handler is
+    called instead.  During SIGNAL_DEBOUNCE after the first signal, further signals do not have the
+    second effect.
     """
 
     def __init__(self) -> None:
@@ -94,11 +113,11 @@ class SignalDispatcher:
 
     def register(self, handler: SignalHandler) -> bool:
         """
-        Register a handler: it is called for each signal that ends the program.
+        Register a handler, which is called for each signal that ends the program.
 
         :param handler: the handler
-        :returns: whether signals can be received; False if the first call is not in the main
-            thread, because Python sets signal handlers only there
+        :returns: True if the handler was registered; False if the first call of this method is not
+            in the main thread, because Python can set signal handlers only there
         """
         if not self._previous and not self._install():
             return False
@@ -106,17 +125,21 @@ class SignalDispatcher:
         return True
 
     def unregister(self, handler: SignalHandler) -> None:
-        """Remove a handler, so that it is no longer called."""
+        """
+        Remove a handler, so that signals no longer call it.
+
+        :param handler: the handler; it may have been removed before
+        """
         with contextlib.suppress(ValueError):
             self._handlers.remove(handler)
 
     @contextlib.contextmanager
     def deferred(self) -> Iterator[None]:
         """
-        Delay signals in the main thread until the end of a block.
+        Delay the exceptions that signals raise in the main thread to the end of a ``with`` block.
 
-        The registered handlers are still called at once.  In other threads this has no effect,
-        because signals interrupt only the main thread.
+        The registered handlers are still called at once.  In other threads the block has no
+        effect, because signals raise exceptions only in the main thread.
         """
         if threading.current_thread() is not threading.main_thread():
             yield
@@ -132,12 +155,13 @@ class SignalDispatcher:
 
     def handle_uncaught(self) -> None:
         """
-        Make an uncaught error of this package print one line and set the error's exit code.
+        Make an uncaught error of this package print one line instead of a traceback.
 
-        The printed line names the file and line of the user's program, not of this package.  With
-        the environment variable ``KACHAKA_SIMPLE_CONTROL_TRACEBACK`` the traceback is printed
-        instead.  An uncaught error in another thread also prints one line, and ends only that
-        thread.
+        The process then ends with the exit code that belongs to the error.  The line contains the
+        message of the error, and the file and line of the user's program in which it occurred.  If
+        the environment variable ``KACHAKA_SIMPLE_CONTROL_TRACEBACK`` is set, the traceback is
+        printed instead.  An uncaught error in a thread that is not the main thread also prints one
+        line, and ends only that thread.
         """
         if threading.excepthook is threading.__excepthook__:
             threading.excepthook = _except_in_thread
@@ -146,9 +170,10 @@ class SignalDispatcher:
 
     def reinstall(self) -> None:
         """
-        Install the signal handlers again, if C code has replaced them since ``register``.
+        Set the signal handlers of this object again, if C code has replaced them.
 
-        Handlers that Python code has set stay as they are.  Main thread only.
+        If Python code has set another signal handler, that handler is kept.  Outside the main
+        thread this method does nothing.
         """
         if self._previous and threading.current_thread() is threading.main_thread():
             for signum in self._previous:
@@ -233,7 +258,10 @@ class SignalDispatcher:
 
 def run_in_threads(functions: Sequence[Callable[[], object]]) -> list[threading.Thread]:
     """
-    Run each function in its own thread, so that the stop of a robot waits for no other robot.
+    Run each function in its own thread, so that no function waits for another function.
+
+    For example, the stop of one robot does not wait for the stop of another robot.  If no thread
+    can start, because Python shuts down, the functions are called in the current thread.
 
     :returns: the threads that were started
     """
@@ -254,9 +282,12 @@ def _is_interrupted_call(error: BaseException, traceback: TracebackType | None) 
     """
     Return whether a signal may have caused an error inside rclpy.
 
-    If a signal handler raises an exception while rclpy converts a message, rclpy raises its own
-    error instead.  Measured: one of 20 SIGTERM signals in ``rclpy.spin`` caused
-    ``RuntimeError: Unable to convert call argument``.
+    If the signal handler raises an exception while rclpy converts a message, rclpy hides this
+    exception and raises its own error.  Measured: one of 20 SIGTERM signals in ``rclpy.spin``
+    caused ``RuntimeError: Unable to convert call argument``.
+
+    :param error: the error
+    :param traceback: the traceback of the error
     """
     frames = [*walk_tb(traceback)]
     module = str(frames[-1][0].f_globals.get('__name__', '')) if frames else ''
@@ -276,7 +307,14 @@ def _except_in_thread(arguments: threading.ExceptHookArgs) -> None:
 
 
 def _place(traceback: TracebackType | None) -> str:
-    """Return the file and line of the innermost call in the user's program; empty if none."""
+    """
+    Return the file and line of the user's program in which an error occurred.
+
+    This is the innermost call that is not in this package or in Python's standard library.
+
+    :param traceback: the traceback of the error
+    :returns: a text such as ``drive.py:12: ``; empty if there is no such call
+    """
     # Compare module names: code that dataclasses generate for a class of this package has no file.
     frames = [summary for summary, (frame, _) in zip(
                   extract_tb(traceback), walk_tb(traceback), strict=True)
@@ -292,15 +330,16 @@ signal_dispatcher = SignalDispatcher()
 
 class ShutdownEvent:
     """
-    Waits for a signal, for ``end()``, or for the end of standard input.
+    Waits until the process has to end, because of a signal or for another reason.
 
-    Use it as a context manager in the main thread, early in the start of the process.  After that,
-    signals only end ``wait``: no signal interrupts the start or prints a traceback.  A signal that
-    was ignored at the start of the process (nohup) stays ignored.
+    Other reasons are a call of ``end`` and the end of standard input.  Use it as a context manager
+    in the main thread, early in the start of the process.  After that, a signal only ends
+    ``wait``: it does not interrupt other code, and prints no traceback.  A signal that was ignored
+    at the start of the process, for example by ``nohup``, stays ignored.
     """
 
     def __enter__(self) -> ShutdownEvent:
-        """Handle signals from now on, until the process ends."""
+        """Handle signals from now on until the process ends, so that they only end ``wait``."""
         self._reader, self._writer = wakeup_pipe()
         for signum in ENDING_SIGNALS:
             if signal.getsignal(signum) != signal.SIG_IGN:
@@ -313,9 +352,10 @@ class ShutdownEvent:
             error: BaseException | None,
             traceback: TracebackType | None) -> None:
         """
-        Ignore further signals, so that no signal interrupts the shutdown.
+        Ignore further signals, so that no signal interrupts the shutdown of the process.
 
-        Python removes its signal handlers when it exits, but ignored signals stay ignored.
+        A signal handler would not be enough, because Python removes its signal handlers when it
+        exits.  Ignored signals stay ignored.
         """
         for signum in ENDING_SIGNALS:
             signal.signal(signum, signal.SIG_IGN)
@@ -327,10 +367,10 @@ class ShutdownEvent:
 
     def wait(self, with_parent: bool) -> None:
         """
-        Wait for a signal or for ``end()``.
+        Wait for a signal that ends the process, or for a call of ``end``.
 
         :param with_parent: whether the end of standard input also ends the wait.  If standard
-            input is a pipe from the parent process, this process then ends when the parent is
+            input is a pipe from the parent process, the wait then also ends when the parent is
             killed
         """
         sources = [self._reader] + with_parent * [sys.stdin.fileno()]

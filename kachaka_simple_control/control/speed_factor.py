@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The speed factor, which slows a run down: the product of the factors of named sources."""
+"""
+The speed factor: the speed of the robot relative to its plan, from 0 to 1.
+
+It is the product of several factors.  Each source of slower speed, such as a pause or an obstacle
+sensor, sets its own factor.
+"""
 
 from __future__ import annotations
 
@@ -36,10 +41,10 @@ OVERRIDE = 'override'
 
 class SpeedFactor:
     """
-    The speed of a run relative to its plan, from 0 to 1: the product of named factors.
+    The speed of the robot relative to its plan, from 0 to 1: a product of named factors.
 
-    Each source of slower speed, such as a pause, a person or an obstacle, sets its own factor.
-    Any thread may set a factor.
+    Each source of slower speed, such as a pause, a person or an obstacle sensor, sets its own
+    factor.  Any thread may set a factor.
 
     :param clock: the steady clock [s]
     """
@@ -58,27 +63,31 @@ class SpeedFactor:
 
     @property
     def factors(self) -> Mapping[str, float]:
-        """Return the factors below 1, by name, as a mapping that never changes."""
+        """
+        Return the factors below 1, by the name of the source that set them.
+
+        The mapping never changes; a later change of a factor creates a new mapping.
+        """
         self._expire()
         return self._factors
 
     @property
     def value(self) -> float:
-        """Return the product of all factors."""
+        """Return the product of all factors: the speed relative to the plan, from 0 to 1."""
         self._expire()
         return self._value
 
     def set(  # noqa: A003
             self, name: str, factor: float, valid_for: float | None = None) -> bool:
         """
-        Set a named factor; the current run changes its speed within the robot's limits.
+        Set the factor of one source; a robot that drives changes its speed within its limits.
 
-        :param name: the name of the source that sets the factor
+        :param name: the name of the source, such as ``pause``
         :param factor: the factor, from 0 to 1
         :param valid_for: how long the factor is valid, unless it is set again [s].  After this
             time the factor is 0 and the robot is held at rest, because the source may have failed.
             None for no time limit
-        :returns: whether a factor changed
+        :returns: False if the factor had this value before; otherwise True
         :raises MotionRefusedError: if the factor is not a number from 0 to 1, or the time is not
             above 0; then nothing has changed
         """
@@ -103,7 +112,7 @@ class SpeedFactor:
         return True
 
     def _expire(self) -> None:
-        """Set a factor to 0 after its time limit; a factor of 0 holds the robot at rest."""
+        """Set each factor whose time limit has passed to 0, which holds the robot at rest."""
         if not self._expiries:
             return
         now = self._clock()
@@ -115,21 +124,35 @@ class SpeedFactor:
 
     @property
     def is_hold(self) -> bool:
-        """Whether the product is so small that the robot is held at rest."""
+        """Whether the product of all factors is so small that the robot is held at rest."""
         return is_hold(self.value)
 
     def describe(self) -> str:
-        """Return the factors below 1 as text, such as ``paused, speed 50 %``, or 'full speed'."""
+        """
+        Return a text that describes the factors below 1, such as ``paused, speed 50 %``.
+
+        If there are no such factors, the text is ``full speed``.
+        """
         return describe_factors(self.factors) or 'full speed'
 
 
 def product(factors: Mapping[str, float]) -> float:
-    """Return the product of named factors: the speed factor, from 0 to 1."""
+    """
+    Return the product of all given factors, which is the speed of the robot relative to its plan.
+
+    :param factors: the factors, from 0 to 1, by the name of the source that set them
+    :returns: the product, from 0 to 1; 1 without factors
+    """
     return math.prod(factors.values(), start=1.0)
 
 
 def describe_factors(factors: Mapping[str, float]) -> str:
-    """Return factors below 1 as text, such as ``paused, speed 50 %, obstacle 40 %``."""
+    """
+    Return a text that describes speed factors, such as ``paused, speed 50 %, obstacle 40 %``.
+
+    :param factors: the factors below 1, by the name of the source that set them
+    :returns: the text; empty without factors
+    """
     return ', '.join(
         'paused' if name == PAUSE and factor == 0.0
         else f'{"speed" if name == OVERRIDE else name} {factor * 100.0:.3g} %'
@@ -137,14 +160,21 @@ def describe_factors(factors: Mapping[str, float]) -> str:
 
 
 def is_hold(speed: float) -> bool:
-    """Return whether a speed factor is so small that the robot is held at rest."""
+    """
+    Return whether a speed factor is so small that the robot is held at rest.
+
+    The limit is MIN_SPEED_FACTOR.
+
+    :param speed: the speed of the robot relative to its plan, from 0 to 1
+    """
     return speed < MIN_SPEED_FACTOR
 
 
 def check_factor(factor: object) -> None:
     """
-    Check that a value is a valid speed factor.
+    Check that a value is a valid speed factor, which is a number from 0 to 1.
 
+    :param factor: the value
     :raises MotionRefusedError: if the value is not a number from 0 to 1
     """
     if not (isinstance(factor, (int, float)) and 0.0 <= factor <= 1.0):

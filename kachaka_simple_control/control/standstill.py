@@ -14,7 +14,7 @@
 """
 Detect from odometry whether the robot stands still, and whether a paused robot was moved.
 
-The caller passes the time.
+This module reads no clock: the caller passes the time.
 """
 
 from __future__ import annotations
@@ -34,7 +34,13 @@ from kachaka_simple_control.motion.geometry import distance_between, Pose, Veloc
 
 
 class StandstillDetector:
-    """Detects from odometry whether the robot stands still."""
+    """
+    Detects from odometry whether the robot stands still.
+
+    The robot stands still while its velocity is not above STANDSTILL_LINEAR and
+    STANDSTILL_ANGULAR.  Odometry that is older than ODOMETRY_MAX_AGE shows neither standstill nor
+    motion.
+    """
 
     def __init__(self) -> None:
         self._received: float | None = None
@@ -42,10 +48,10 @@ class StandstillDetector:
 
     def on_odometry(self, now: float, velocity: Velocity) -> None:
         """
-        Process an odometry sample.
+        Process an odometry message.
 
-        :param now: when the sample arrived [s]
-        :param velocity: the velocity of the robot in the sample
+        :param now: when the message arrived [s]
+        :param velocity: the velocity of the robot in the message
         """
         self._received = now
         if (abs(velocity.linear_x) > STANDSTILL_LINEAR
@@ -55,15 +61,29 @@ class StandstillDetector:
             self._still_since = now
 
     def age(self, now: float) -> float | None:
-        """Return the age of the newest odometry sample [s]; None before the first."""
+        """
+        Return how long ago the newest odometry message arrived [s]; None if none has arrived.
+
+        :param now: the time [s]
+        """
         return None if self._received is None else now - self._received
 
     def is_moving(self, now: float) -> bool:
-        """Return whether a recent odometry sample shows the robot in motion."""
+        """
+        Return whether the newest odometry message is recent and shows that the robot moves.
+
+        :param now: the time [s]
+        """
         return self._is_fresh(now) and self._still_since is None
 
     def still_since(self, now: float) -> float | None:
-        """Return the time when the robot came to rest [s]; None if it moves or if unknown."""
+        """
+        Return the time since which odometry shows that the robot stands still.
+
+        :param now: the time [s]
+        :returns: the time of the first message that showed standstill [s]; None if the robot
+            moves, or if there is no recent odometry
+        """
         return self._still_since if self._is_fresh(now) else None
 
     def _is_fresh(self, now: float) -> bool:
@@ -72,7 +92,11 @@ class StandstillDetector:
 
 
 class PausePose:
-    """Measures from odometry how far somebody has moved the robot during a pause."""
+    """
+    Measures from odometry how far somebody has moved the robot while it was paused.
+
+    The distance is measured from the pose at which the robot came to rest in the pause.
+    """
 
     def __init__(self) -> None:
         self._standstill = StandstillDetector()
@@ -83,20 +107,23 @@ class PausePose:
 
     def on_sent(self, is_paused: bool) -> None:
         """
-        Note after each sent velocity whether the robot is paused.
+        Record whether the robot is paused; call this after each sent velocity.
 
-        :param is_paused: whether the velocity holds the robot at rest in a pause
+        :param is_paused: whether the velocity was zero because a pause holds the robot at rest
         """
         if is_paused != self._paused:
             self._paused, self._pose, self._standstill = is_paused, None, StandstillDetector()
 
     def on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
         """
-        Process an odometry sample.
+        Process an odometry message.
 
-        :param now: when the sample arrived [s]
-        :param pose: the pose of the robot in the sample
-        :param velocity: the velocity of the robot in the sample
+        If the robot is paused and has stood still for REST_SETTLE_TIME, its pose becomes the pose
+        of the pause, from which ``moved`` measures.
+
+        :param now: when the message arrived [s]
+        :param pose: the pose of the robot in the message
+        :param velocity: the velocity of the robot in the message
         """
         self.newest = pose
         if not self._paused or self._pose is not None:
@@ -107,12 +134,21 @@ class PausePose:
             self._pose = pose
 
     def accept(self) -> None:
-        """Use the current pose as the pose of the pause, so that ``moved`` starts again at 0."""
+        """
+        Accept that somebody moved the robot in the pause, so that ``moved`` starts again at 0.
+
+        The current pose of the robot becomes the pose of the pause.
+        """
         if self._pose is not None:
             self._pose = self.newest
 
     def moved(self) -> tuple[float, float]:
-        """Return how far the robot was moved in the pause: [m] and [rad]; 0 and 0 if unknown."""
+        """
+        Return how far somebody has moved the robot in the pause.
+
+        :returns: the distance [m] and the angle [rad], neither negative; 0 and 0 if the robot is
+            not paused, or if its pose in the pause is unknown
+        """
         if self._pose is None or self.newest is None:
             return 0.0, 0.0
         distance, angle = distance_between(self._pose, self.newest)
@@ -120,7 +156,7 @@ class PausePose:
 
     def require_not_moved(self) -> None:
         """
-        Check that the robot still stands where it was paused.
+        Check that nobody has moved the robot from the pose at which it was paused.
 
         :raises RobotMovedError: if it was moved more than MAX_MOVED_DISTANCE or MAX_MOVED_ANGLE
         """

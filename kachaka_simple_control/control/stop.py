@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Send the stop sequence once per run, and check with odometry that the robot stands still."""
+"""
+Stop the robot, only once for each drive, and check with odometry that it stands still.
+
+A stop consists of zero velocities until the robot's command timeout has passed.
+"""
 
 from __future__ import annotations
 
@@ -38,16 +42,17 @@ def send_stop(
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep) -> bool:
     """
-    Send zero velocities until the robot's command timeout and STOP_MARGIN have passed.
+    Send zero velocities for a time: the robot's command timeout plus STOP_MARGIN.
 
-    The first STOP_BURST_COUNT messages are sent without a pause.  They push older velocities out
-    of the queue of a reader that was slow or frozen and later processes this queue.
+    The first STOP_BURST_COUNT messages are sent without a pause.  The reason: a reader that was
+    slow or frozen may still have older velocities in its queue.  The messages push these out of
+    the queue.
 
     :param send_zero: publishes one zero velocity; returns False to end the stop early
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
-    :returns: whether the complete stop was sent
+    :returns: True if all zero velocities were sent; False if ``send_zero`` ended the stop early
     """
     end = clock() + command_timeout + STOP_MARGIN
     for _ in range(STOP_BURST_COUNT):
@@ -62,16 +67,20 @@ def send_stop(
 
 class StopController:
     """
-    Sends one stop per run, even if several threads request it; a new run ends the stop early.
+    Sends one stop for each run, even if several threads request it.
 
-    :param gate: the velocity gate
+    A run is one drive of the robot.  A stop consists of zero velocities until the robot's command
+    timeout has passed.  If a new run begins during a stop, the stop ends early.
+
+    :param gate: the velocity gate, the only object that publishes velocities
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
-    :param guardian: gets a report before each zero velocity, and at the end of the stop
-    :param still_moving: returns whether the stop must continue, because odometry shows motion or
+    :param guardian: the interface to a separate process that stops the robot if this program
+        cannot; it gets a report before each zero velocity, and at the end of the stop
+    :param still_moving: returns True if the stop must continue, because odometry shows motion or
         is lost
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
-    :param publish: puts an event into a queue, and returns at once
+    :param publish: puts an event, for logs and displays, into a queue, and returns at once
     """
 
     def __init__(
@@ -98,17 +107,22 @@ class StopController:
 
     @property
     def is_stopped(self) -> bool:
-        """Whether the complete stop of the newest run was sent, or no run has begun."""
+        """Whether the newest drive was stopped completely; also True if no drive has begun yet."""
         return self._stopped is self._gate.run
 
     def stop(self, reason: ControlError | None, only: Run | None = None) -> str | None:
         """
-        Stop the newest run, and wait until the complete stop was sent.
+        Stop the newest run, and wait until all zero velocities of the stop were sent.
 
-        :param reason: the error that the thread of the run raises; None if the run has ended
-        :param only: the run to stop if ``reason`` is None; nothing is sent if a newer run has
-            begun
-        :returns: why the stop could not be sent; None if it was sent, or a new run ended it early
+        A run is one drive of the robot.  If ``reason`` is given, this method first ends the newest
+        run, so that no thread can send another velocity of it.
+
+        :param reason: the error that the thread of the run raises; None if the run has already
+            ended
+        :param only: used if ``reason`` is None: the run to stop; nothing is sent if a newer run
+            has begun
+        :returns: why the stop could not be sent; None if it was sent now or before, or if a new
+            run ended it early
         """
         run = only
         if reason is not None:
@@ -135,10 +149,12 @@ class StopController:
 
     def stop_after_idle(self, run: Run, within: float) -> None:
         """
-        Send the stop of a run in the background, unless another run begins soon.
+        Stop the robot in the background after a run has ended, unless another run begins soon.
+
+        A run is one drive of the robot.  This method does not wait for the stop.
 
         :param run: the run that has just ended
-        :param within: how long to wait for the next run [s]
+        :param within: how long to wait for another run before the stop is sent [s]
         """
         self._later = threading.Timer(within, self._stop_ended, (run,))
         self._later.daemon = True
@@ -148,7 +164,7 @@ class StopController:
             self._stop_ended(run)
 
     def cancel_pending(self) -> None:
-        """Cancel the stop that ``stop_after_idle`` has scheduled, because another run begins."""
+        """Cancel the stop that ``stop_after_idle`` has scheduled, because another drive begins."""
         if self._later is not None:
             self._later.cancel()
 
@@ -164,11 +180,13 @@ class StopController:
 
     def _repeat_until_still(self, run: Run | None) -> bool:
         """
-        Send more zero velocities while ``still_moving`` returns True.
+        Send more zero velocities until odometry shows no motion.
 
-        The link to the robot may have lost the earlier ones.
+        The reason: the link to the robot may have lost all zero velocities that were sent before.
 
-        :returns: whether ``still_moving`` returned False in time
+        :param run: the run that is stopped; if a newer run has begun, nothing more is sent
+        :returns: True if ``still_moving``, the check with odometry, has returned False; otherwise
+            False, after STOP_CONFIRM_TIMEOUT, or if a newer run has begun
         """
         end = self._clock() + STOP_CONFIRM_TIMEOUT
         while self._still_moving():

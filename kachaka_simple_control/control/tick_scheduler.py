@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Find the velocity of a plan that is due at a time, under a speed factor that may change.
+Find the velocity of a plan that is due at a given time.
 
-The caller passes the time.
+A speed factor, which may change at any time, slows the plan down.  This module reads no clock: the
+caller passes the time.
 """
 
 from __future__ import annotations
@@ -41,12 +42,16 @@ class Tick:
     """
     A velocity to send, and the time when it is due.
 
+    Times are counted from t = 0, when the first velocity is due.
+
     :param velocity: the velocity
     :param start: when the velocity is due [s after t = 0]
-    :param deadline: when the next tick is due [s after t = 0]
-    :param rest: how long the robot stays at rest from the start of this tick [s]; 0 while moving
-    :param plan_time: the time in the plan at the start of this tick [s]; equal to ``start`` unless
-        a speed factor below 1 has delayed the plan; None without a plan
+    :param deadline: when the next velocity is due [s after t = 0]
+    :param rest: how long the robot stays at rest from ``start`` on [s]; 0 while it moves, infinite
+        while a speed factor of 0 holds it at rest
+    :param plan_time: the point in the plan to which the velocity belongs [s after the start of the
+        plan].  It is equal to ``start`` unless a speed factor below 1 has delayed the plan.  None
+        without a plan
     """
 
     velocity: Velocity
@@ -58,12 +63,14 @@ class Tick:
 
 class VelocitySource(Protocol):
     """
-    A source of velocities for a run: a plan, or direct commands without a plan.
+    An interface for an object that returns the velocities to send, for one drive of a robot.
 
-    :ivar kind: the purpose of the velocities
+    The velocities come from a plan, or from direct commands without a plan.
+
+    :ivar kind: the purpose of the velocities, for example to drive a plan; for logs and displays
     :ivar skipped: how many velocities the newest call of ``due`` left out, because they were too
         late
-    :ivar plan_duration: the duration of the plan at a speed factor of 1 [s]; None without a plan
+    :ivar plan_duration: the duration of the plan at full speed [s]; None without a plan
     """
 
     kind: VelocityKind
@@ -72,11 +79,16 @@ class VelocitySource(Protocol):
 
     def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
         """
-        Return the tick that is due; call this first with 0, then at each deadline or earlier.
+        Return the velocity that is due at a time, and the time when the next velocity is due.
 
-        :param elapsed: time since t = 0 [s]; it must not decrease between calls
-        :param factor: the speed factor from the start of the returned tick on, from 0 to 1
-        :returns: the tick; None when the source has ended
+        Call this first with ``elapsed`` 0.  Then call it at the deadline of the returned tick, or
+        earlier.
+
+        :param elapsed: the time since the first velocity was due [s]; it must not decrease between
+            calls
+        :param factor: the speed relative to the plan, from 0 to 1; it applies from the start of
+            the returned tick on
+        :returns: the tick, which is a velocity with its times; None if no more velocities follow
         """
 
 
@@ -84,13 +96,15 @@ class TickScheduler:
     """
     Returns the velocity of a plan that is due at a given time.
 
-    Deadlines are absolute: they depend only on the plan and on the changes of the speed factor.
-    A late call returns the tick that is due at that time, and does not delay later deadlines.
+    A late call does not delay the velocities that follow.  It returns the velocity that is due at
+    the time of the call.  The times at which velocities are due depend only on the plan and on the
+    changes of the speed factor, which is the speed relative to the plan.
 
-    While the speed factor is 1, the velocities are exactly the velocities of the plan.  After a
-    change of the factor, the current trajectory is planned again from its state at the tick.  Each
-    later trajectory is planned again at its start, until the first one that the robot can drive
-    exactly as in the plan.
+    While the speed factor is 1, the velocities are exactly those of the plan.  A plan is a
+    sequence of trajectories, each with its own velocity profile.  When the speed factor changes,
+    the current trajectory is planned again from the position and velocity that it has reached.
+    Each later trajectory is planned again when it begins, until one of them can be driven exactly
+    as in the plan.
 
     :param plan: the plan
     """
@@ -111,11 +125,15 @@ class TickScheduler:
 
     def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
         """
-        Return the tick that is due; call this first with 0, then at each deadline.
+        Return the velocity that is due at a time, and the time when the next velocity is due.
 
-        :param elapsed: time since t = 0 [s]; it must not decrease between calls
-        :param factor: the speed factor from the start of the returned tick on, from 0 to 1
-        :returns: the tick; None when the plan is over
+        Call this first with ``elapsed`` 0.  Then call it at the deadline of the returned tick.
+
+        :param elapsed: the time since the first velocity was due [s]; it must not decrease between
+            calls
+        :param factor: the speed relative to the plan, from 0 to 1; it applies from the start of
+            the returned tick on
+        :returns: the tick, which is a velocity with its times; None when the plan is over
         """
         passed = 0
         while self._tick is not None and self._tick.deadline <= elapsed:
@@ -132,7 +150,14 @@ class TickScheduler:
             self._begin(self._replanned.following(), tick.deadline)
 
     def _change_factor(self, tick: Tick, factor: float) -> None:
-        """Plan the current trajectory again for a new speed factor, from the start of a tick."""
+        """
+        Plan the current trajectory again, because the speed factor has changed.
+
+        A trajectory is a part of the plan.
+
+        :param tick: the velocity from whose start on the new speed factor applies
+        :param factor: the new speed relative to the plan, from 0 to 1
+        """
         self._factor = factor
         assert tick.plan_time is not None
         if self._replanned is None:
@@ -147,10 +172,14 @@ class TickScheduler:
 
     def _begin(self, trajectory: _ReplannedTrajectory | None, now: float) -> None:
         """
-        Begin a trajectory exactly as in the plan if this is possible; otherwise plan it again.
+        Begin a trajectory of the plan; if it cannot be driven as planned, plan it again.
 
-        :param trajectory: the trajectory; None after the last trajectory
-        :param now: when the trajectory begins [s after t = 0]
+        It can be driven as planned if the speed factor is 1 and the robot has the planned
+        velocity.
+
+        :param trajectory: the trajectory, which is a part of the path; None after the last
+            trajectory
+        :param now: when the trajectory begins [s after the start of the drive]
         """
         self._replanned = trajectory
         while self._replanned is not None:
@@ -169,10 +198,11 @@ class TickScheduler:
 
     def _as_planned(self, first: int, delay: float) -> Iterator[Tick]:
         """
-        Yield the ticks of the plan with a constant delay.
+        Yield the velocities of the plan, all with the same delay.
 
-        :param first: the index of the first segment
-        :param delay: how much later than planned all ticks are [s]
+        :param first: the index of the segment of the plan with which to begin; a segment is a time
+            interval with one velocity
+        :param delay: how much later than in the plan the velocities are due [s]
         """
         period = self._plan.period
         for index in range(first, len(self._plan.segments)):
@@ -191,15 +221,19 @@ class TickScheduler:
 
 class _ReplannedTrajectory:
     """
-    A trajectory of a plan that is driven under a speed factor.
+    A trajectory of a plan that is planned again, because the speed factor has changed.
+
+    A plan is a list of steps.  Each step is a list of trajectories, which are parts of the path
+    with their timing.
 
     :param plan: the plan
     :param step: the index of the step that contains the trajectory
-    :param number: the index of the trajectory in the step
-    :param plan_start: when the trajectory begins in the plan [s]
-    :param reached: the final velocity of the previous trajectory, in the unit of that trajectory
-        [m/s] or [rad/s]; 0 at rest
-    :param state: the state from which the trajectory continues; None if it has not begun
+    :param number: the index of the trajectory in this step
+    :param plan_start: when the trajectory begins in the plan [s after the start of the plan]
+    :param reached: the velocity at the end of the previous trajectory, in the unit of that
+        trajectory [m/s] or [rad/s]; 0 if the robot stood still
+    :param state: the position and velocity from which the trajectory continues; None if the
+        trajectory has not begun
     """
 
     def __init__(
@@ -215,19 +249,26 @@ class _ReplannedTrajectory:
         self._state = self._end = state or PathState(0.0)
 
     def begin(self, factor: float) -> bool:
-        """Begin the trajectory; return whether it can be driven exactly as in the plan."""
+        """
+        Begin the trajectory, and check whether it can be driven exactly as in the plan.
+
+        A trajectory is a part of the plan.
+
+        :param factor: the speed relative to the plan, from 0 to 1
+        :returns: True if the factor is 1 and the trajectory starts with its planned velocity
+        """
         self._state = self.trajectory.first_state(factor, self._reached)
         return factor == 1.0 and self._state == self.trajectory.first_state(1.0, 0.0)
 
     def ticks(self, factor: float, now: float) -> Iterator[Tick]:
         """
-        Yield the ticks of the trajectory from its current state on.
+        Yield the velocities of the trajectory, from its current position to its end.
 
-        If the robot comes to rest before the end of the trajectory, yield ticks at rest without
-        end.
+        A trajectory is a part of the plan.  If the speed factor stops the robot before this end,
+        yield zero velocities without end.
 
-        :param factor: the speed factor
-        :param now: when the first tick begins [s after t = 0]
+        :param factor: the speed relative to the plan, from 0 to 1
+        :param now: when the first of these velocities is due [s after the start of the drive]
         """
         replanned = self.trajectory.replanned(self._state, factor)
         self._end = replanned.end
@@ -243,7 +284,11 @@ class _ReplannedTrajectory:
             now = following
 
     def following(self) -> _ReplannedTrajectory | None:
-        """Return the next trajectory with a duration above 0; None after the last one."""
+        """
+        Return the next trajectory, which is a part of the plan; None if this one is the last.
+
+        Trajectories with a duration of 0 are skipped.
+        """
         reached = 0.0 if self.trajectory.segment.is_rest else self._end.velocity
         number = self._number + 1
         for step in range(self._step, len(self._plan.steps)):
@@ -275,7 +320,14 @@ class _ReplannedTrajectory:
 
 
 def _at_plan_time(plan: Plan, time: float) -> _ReplannedTrajectory:
-    """Return the trajectory that is under way at a time in the plan [s], with its state."""
+    """
+    Return the trajectory, a part of the path, that is driven at a given time of a plan.
+
+    The trajectory can be planned again from its position and velocity at this time.
+
+    :param plan: the plan
+    :param time: the time [s after the start of the plan]
+    """
     step = plan.step_index(time)
     start = plan.steps[step].start
     trajectories = plan.steps[step].trajectories
@@ -290,7 +342,16 @@ def _at_plan_time(plan: Plan, time: float) -> _ReplannedTrajectory:
 
 
 def _velocity_before(plan: Plan, step: int, number: int) -> float:
-    """Return the planned end velocity of the previous trajectory [m/s] or [rad/s]; 0 at rest."""
+    """
+    Return the planned velocity at the end of the trajectory that precedes a given trajectory.
+
+    Trajectories with a duration of 0 are skipped.
+
+    :param plan: the plan
+    :param step: the index of the step that contains the given trajectory
+    :param number: the index of the given trajectory in this step
+    :returns: the velocity along the path [m/s] or [rad/s]; 0 if the robot stands still before
+    """
     before = [*plan.steps[step].trajectories[:number]]
     while step and not any(trajectory.duration for trajectory in before):
         step -= 1

@@ -14,13 +14,14 @@
 """
 All periods and timeouts that are important for safety, each with its reason and source.
 
-They are in one place for a safety review.  All values are in seconds unless the name or the
-comment says otherwise.  "Measured" refers to the benchmarks, ``docs/safety.md`` and
-``docs/benchmarks.md``.  "Maker" refers to the public repository pf-robotics/kachaka-api.  "Chosen"
-means that the authors of this package decided the value.
+They are in one place, so that a safety review finds them all.  All values are in seconds unless
+the name or the comment says otherwise.  "Measured" means: in the benchmarks; see
+``docs/safety.md`` and ``docs/benchmarks.md``.  "Maker" means: from the public repository
+pf-robotics/kachaka-api.  "Chosen" means: decided by the authors of this package.
 
-Two times are properties of the robot, in ``files/robot_profile.py``: how long the robot keeps a
-velocity (the command timeout, 0.3 s for a Kachaka), and how long manual control lasts (60 s).
+Two more times depend on the robot, and are in ``files/robot_profile.py``.  These are how long the
+robot keeps a velocity (the command timeout, 0.3 s for a Kachaka), and how long manual control
+lasts (60 s).
 """
 
 # --- Sending velocities -----------------------------------------------------------------------
@@ -221,11 +222,11 @@ CONNECTION_TIMEOUT = 1.0
 
 def max_gap(period: float | None, command_timeout: float) -> float:
     """
-    Return the longest time between two messages that is not a fault [s].
+    Return the longest time between two velocity messages that is not yet a fault [s].
 
-    :param period: normal time between two messages [s]; None if unknown
+    :param period: the normal time between two messages [s]; None if it is unknown
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]; the
-        result is never longer
+        result is never longer than this time
     """
     if period is None:
         return command_timeout
@@ -234,9 +235,10 @@ def max_gap(period: float | None, command_timeout: float) -> float:
 
 def min_rate(command_timeout: float) -> float:
     """
-    Return the lowest rate at which a late message still arrives within the command timeout [Hz].
+    Return the lowest rate of velocity messages that leaves room for a late message [Hz].
 
-    A message may be late by MAX_LATENESS.
+    At this rate, a message that is late by MAX_LATENESS still arrives within the command timeout
+    after the previous message.
 
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     """

@@ -38,7 +38,11 @@ from kachaka_simple_control.motion.limits import Limits
 
 
 class GateState(Enum):
-    """The state of the velocity gate, which decides whether it may publish velocities."""
+    """
+    Whether the velocity gate may publish velocities: not yet, now, or never again.
+
+    The velocity gate is the only object of a node that publishes velocities.
+    """
 
     #: This program does not control the robot yet.  Even a zero velocity is blocked, because it
     #: makes a Kachaka leave its dock.
@@ -52,11 +56,13 @@ class GateState(Enum):
 
 class Run:
     """
-    One drive of a motion, from its request to its end; only the newest run may send velocities.
+    One drive of a robot, from its request to its end; only the newest run may send velocities.
 
-    :param max_gap: longest allowed time between two messages, without the time in DDS calls [s]
-    :param command_timeout: longest allowed time between two messages, with the time in DDS calls
-        [s]: after this time without a message the robot stops by itself
+    :param max_gap: the longest allowed time between two messages [s]; the time in which the
+        program waits for DDS does not count
+    :param command_timeout: the longest allowed time between two messages [s]; the time in which
+        the program waits for DDS counts.  After this time without a message the robot stops by
+        itself
     """
 
     def __init__(
@@ -78,8 +84,8 @@ class PortTime:
     """
     The total time that the driving thread has waited for calls to DDS, for all its robots.
 
-    While the thread waits for a call of one robot, it cannot send to another robot.  So this time
-    does not count as a gap between the messages of any robot.
+    While the thread waits in a DDS call for one robot, it cannot send to the other robots.  So
+    this time does not count when the time between two messages is checked.
     """
 
     def __init__(self) -> None:
@@ -93,21 +99,23 @@ def _unchanged(velocity: Velocity) -> Velocity:
 
 class VelocityGate:
     """
-    The only publisher of velocities; it checks each velocity before it publishes it.
+    The only object of a node that publishes velocities; it first checks each velocity.
 
-    The gate applies the calibration.  It checks the limits, the latch and the time since the last
-    message.  Then it publishes the velocity, and reports it as an event.  Checks and publishing
-    happen under one lock.  After a stop has sent its first zero velocity, no thread can send
-    another velocity of the stopped run.
+    The gate converts each velocity according to the calibration.  It checks the limits, the latch
+    (a flag that blocks all motion once it is set) and the time since the last message.  Then it
+    publishes the velocity, and reports it as an event to logs and displays.  It checks and
+    publishes under one lock.  So after a stop has sent its first zero velocity, no thread can send
+    another velocity of the stopped drive.
 
     :param transmit: publishes a velocity
     :param limits: the robot's limits; a velocity beyond them is never published
-    :param latch: after it is set, only zero velocities are published
+    :param latch: after this flag is set, only zero velocities are published
     :param sending: a flag that is set while a DDS call runs
     :param clock: the steady clock [s]
     :param gap_clock: the clock for the time between two messages [s]; it also counts while the
         machine is suspended
-    :param command: converts a wanted velocity to the velocity that is sent, by the calibration
+    :param command: converts a wanted velocity to the velocity that is sent, according to the
+        calibration
     """
 
     def __init__(
@@ -142,16 +150,24 @@ class VelocityGate:
 
     @property
     def state(self) -> GateState:
-        """Return the state of the gate, which decides whether it may publish velocities."""
+        """Return whether this object may publish velocities: not yet, now, or never again."""
         return self._state
 
     @property
     def run(self) -> Run | None:
-        """Return the newest run that has begun, even if it is over; None before the first."""
+        """
+        Return the run that has begun last, even if it is over; None if no run has begun.
+
+        A run is one drive of the robot.
+        """
         return self._run
 
     def open(self) -> None:  # noqa: A003
-        """Allow velocities, because this program controls the robot; no effect after ``close``."""
+        """
+        Allow this object to publish velocities, because the program now controls the robot.
+
+        After ``close``, this method has no effect.
+        """
         with self._lock:
             if self._state is GateState.NOT_OPENED:
                 self._state = GateState.OPEN
@@ -162,7 +178,11 @@ class VelocityGate:
             self._state = GateState.CLOSED
 
     def prepare(self) -> Run:
-        """Create a run that begins later; from now on ``cancel`` can end it."""
+        """
+        Create a run, which is one drive of the robot, before the robot is ready to drive.
+
+        The run can send velocities only after ``begin``.  From now on ``cancel`` can end it.
+        """
         run = Run()
         with self._lock:
             self._pending = run
@@ -172,16 +192,20 @@ class VelocityGate:
             self, max_gap: float, run: Run | None = None,
             command_timeout: float = math.inf, began: float = math.nan) -> Run:
         """
-        Begin a run; the previous run can no longer send velocities.
+        Begin a run, which is one drive of the robot.
 
-        :param max_gap: longest allowed time between two messages, without the time in DDS calls
-            [s]
+        From now on the previous run can no longer send velocities.
+
+        :param max_gap: the longest allowed time between two messages [s]; the time in which the
+            program waits for DDS does not count
         :param run: the run that ``prepare`` returned; None for a new run
         :param command_timeout: how long the robot keeps a velocity if no new message arrives [s].
-            A longer gap always ends the run, because the robot has then stopped by itself
-        :param began: t = 0 of the run [s on the clock]
-        :returns: the run, for ``send``
-        :raises ControlError: if the run was cancelled, the gate is not open or the latch is set
+            A longer time between two messages always ends the run, because the robot has then
+            stopped by itself
+        :param began: when the first velocity is due, called t = 0 [s on the steady clock]
+        :returns: the run, which ``send`` needs
+        :raises ControlError: if the run was cancelled, if this object may not publish velocities,
+            or if the latch, a flag that blocks all motion, is set
         """
         run = run or Run()
         with self._lock:
@@ -196,17 +220,18 @@ class VelocityGate:
             self, run: Run, velocity: Velocity, kind: VelocityKind = VelocityKind.PLAN,
             due: float | None = None, plan_time: float | None = None, skipped: int = 0) -> float:
         """
-        Publish a velocity of a run.
+        Check a velocity of a run, which is one drive of the robot, and publish it.
 
         :param run: the run
         :param velocity: the wanted velocity of the robot; the calibration converts it to the
-            command that is sent
-        :param kind: the purpose of the velocity
-        :param due: when the velocity is due [s after t = 0]
-        :param plan_time: the time in the plan to which the velocity belongs [s]; None without a
-            plan
-        :param skipped: how many velocities directly before this one were left out
-        :returns: when the velocity was sent [s on the clock]
+            velocity that is sent
+        :param kind: the purpose of the velocity, for logs and displays
+        :param due: when the velocity is due [s after the start of the run]
+        :param plan_time: the point in the plan to which the velocity belongs [s after the start of
+            the plan]; None without a plan
+        :param skipped: how many velocities directly before this one were left out, because they
+            were too late
+        :returns: when the velocity was sent [s on the steady clock]
         :raises ControlError: if the run was ended, the last message was sent too long ago, or the
             velocity is beyond the limits; then nothing was published
         """
@@ -239,7 +264,10 @@ class VelocityGate:
 
     def wait_for_dds(self, ask: Callable[[], None]) -> None:
         """
-        Call a function that may have to wait for DDS, without counting this time as a gap.
+        Call a function that may have to wait for DDS.
+
+        The time between two velocity messages is limited.  The time of this call does not count
+        for this limit.
 
         :param ask: the function, for example a graph query, which takes up to 0.17 s while nodes
             join or leave (measured)
@@ -254,19 +282,23 @@ class VelocityGate:
 
     def check(self, run: Run) -> None:
         """
-        Check that a run may still send.
+        Check that a run, which is one drive of the robot, may still send velocities.
 
-        :raises ControlError: if the run may not send any longer
+        :param run: the run
+        :raises ControlError: if the run was ended, if a newer run has begun, or if this object may
+            not publish velocities
         """
         with self._lock:
             self._check(run)
 
     def cancel(self, reason: ControlError) -> Run | None:
         """
-        End the newest run and the prepared run: neither can send from now on.
+        End the newest run, and a prepared run that has not begun; neither can send from now on.
+
+        A run is one drive of the robot.
 
         :param reason: the error that ``begin``, ``send`` and ``check`` raise for these runs
-        :returns: the newest run that has begun; None before the first
+        :returns: the newest run that has begun; None if no run has begun
         """
         with self._lock:
             for run in (self._run, self._pending):
@@ -278,11 +310,13 @@ class VelocityGate:
 
     def send_zero(self, after: Run | None, kind: VelocityKind = VelocityKind.STOP) -> bool:
         """
-        Publish a zero velocity, unless the gate is not open or a newer run has begun.
+        Publish a zero velocity, if publishing is allowed and no newer run has begun.
 
-        :param after: the run that this zero follows; None before the first run
-        :param kind: the purpose of the zero
-        :returns: whether the zero was published
+        A run is one drive of the robot.
+
+        :param after: the run that the zero velocity follows; None if no run has begun
+        :param kind: the purpose of the zero velocity, for logs and displays
+        :returns: whether the zero velocity was published
         """
         with self._lock, signal_dispatcher.deferred():
             if self._state is not GateState.OPEN or self._run is not after:
@@ -298,7 +332,13 @@ class VelocityGate:
             return True
 
     def _publish_guardian_stop(self, now: float) -> None:
-        """Publish an event, only once, if the guardian began a stop before ``now`` [s]."""
+        """
+        Report to logs and displays, once, that the guardian has begun to stop the robot.
+
+        The guardian is a separate process that stops the robot if this program cannot.
+
+        :param now: the time [s on the steady clock]; only a stop that began before is reported
+        """
         stopped = self._latch.guardian_stop_time
         if stopped is not None and not self._has_logged_guardian and stopped < now:
             self._has_logged_guardian = True

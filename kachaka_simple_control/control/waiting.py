@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Wait until a condition is true, and call a check during the wait."""
+"""Wait until a condition is true, and call a function repeatedly during the wait."""
 
 from __future__ import annotations
 
@@ -25,12 +25,13 @@ def wait_until(
         condition: Callable[[], bool], timeout: float,
         check: Callable[[], None] = lambda: None) -> bool:
     """
-    Wait until a condition is true; evaluate it every POLL_PERIOD.
+    Wait until a condition is true, or until a timeout; evaluate the condition every POLL_PERIOD.
 
-    :param condition: returns whether the condition is true
+    :param condition: a function that returns whether the condition is true
     :param timeout: how long to wait [s]
-    :param check: called during the wait; an error that it raises ends the wait
-    :returns: whether the condition became true in time
+    :param check: a function that is called every POLL_PERIOD during the wait; an error that it
+        raises ends the wait
+    :returns: True if the condition became true; False after the timeout
     """
     end = time.monotonic() + timeout
     while not condition():

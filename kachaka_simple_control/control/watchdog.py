@@ -14,7 +14,8 @@
 """
 Decide when the guardian has to stop the robot, and detect a guardian that is frozen.
 
-The caller passes the time.
+The guardian is a separate process that stops the robot if the node cannot.  This module reads no
+clock: the caller passes the time.
 """
 
 from __future__ import annotations
@@ -35,7 +36,12 @@ ROUNDING_ERROR = 1e-6
 
 
 class GuardianMessage(bytes, Enum):
-    """The messages from a node to its guardian; the robot's slot number precedes each byte."""
+    """
+    The messages that a node sends to its guardian, a separate process that stops the robot.
+
+    Each message is one byte.  A byte with the slot number of the robot precedes it.  This number
+    is the index of the robot in the memory that both processes share.
+    """
 
     #: publish one zero velocity and report it, so that the robot's reader is matched before a run
     PRIME = b'p'
@@ -51,11 +57,12 @@ class GuardianMessage(bytes, Enum):
 
 class Watchdog:
     """
-    Decides when the guardian stops the robot, because the node has been silent for too long.
+    Decides when the guardian must stop the robot, because the node was silent for too long.
 
-    The node has to send messages from the first heartbeat of a run to the last zero velocity of
-    its stop.  After the node has sent its complete stop, the guardian does not stop the robot
-    again.  It stops the robot at most once per run.
+    The guardian is a separate process.  The node has to send messages to it from the first
+    heartbeat of a run (one drive of the robot) to the last zero velocity of the stop.  After the
+    node has sent its complete stop, the guardian does not stop the robot again.  It stops the
+    robot at most once in each run.
 
     Time without a message counts only while the guardian runs.  If the whole machine pauses for a
     moment, both processes are held up, and this must not end a good run.  The node itself checks
@@ -80,10 +87,10 @@ class Watchdog:
 
     def on_message(self, message: bytes, now: float) -> None:
         """
-        Process a message from the node.
+        Process a message that the node has sent to the guardian.
 
-        :param message: one byte, a GuardianMessage
-        :param now: when the message was read [s]
+        :param message: the message: one byte, a value of ``GuardianMessage``
+        :param now: when the guardian has read the message [s]
         """
         if message == GuardianMessage.HEARTBEAT or (
                 message == GuardianMessage.STOPPING and self._must_stop):
@@ -96,9 +103,11 @@ class Watchdog:
 
     def on_heartbeat(self, written: float, now: float) -> None:
         """
-        Process the heartbeat in the shared memory; it has no effect unless a run is under way.
+        Process the heartbeat, a time that the node writes into the shared memory during a drive.
 
-        :param written: when the node wrote it [s]
+        A new time shows that the node still works.  Outside a drive, this call has no effect.
+
+        :param written: when the node wrote the heartbeat [s]
         :param now: the time [s]
         """
         is_due = self._counted is not None and self.allowed == self._heartbeat_timeout
@@ -110,9 +119,10 @@ class Watchdog:
 
     def on_disconnect(self) -> bool:
         """
-        Process the end of the connection, because the node has ended or the guardian has to end.
+        Process the end of all messages from the node, because the node or the guardian ends.
 
-        :returns: whether the robot must be stopped now
+        :returns: whether the guardian has to stop the robot now, because the node has not reported
+            a complete stop
         """
         must_stop = self._must_stop
         self._must_stop, self._counted = False, None
@@ -120,14 +130,15 @@ class Watchdog:
 
     def has_timed_out(self, now: float, is_publishing: bool = False) -> bool:
         """
-        Return whether the node has been silent for too long.
+        Return whether the node was silent for too long, so that the guardian must stop the robot.
 
-        Call this after each wait, which takes at most ``timeout()``.
+        Call this after each wait for messages; such a wait may take at most ``timeout()``.
 
         :param now: the time [s]
-        :param is_publishing: whether the node is running and waits in a DDS call
-        :returns: whether the robot must be stopped now; True only once until the next
-            heartbeat message
+        :param is_publishing: True if the node is not frozen and waits in a DDS call, which may
+            take longer than the normal time between two heartbeats
+        :returns: whether the robot must be stopped now; after it was True once, it is False until
+            a new drive begins
         """
         if self._counted is None:
             return False
@@ -144,7 +155,11 @@ class Watchdog:
         return True
 
     def timeout(self) -> float | None:
-        """Return how long to wait for the next message [s]; None if no message is due."""
+        """
+        Return how long the guardian may wait for the next message of the node [s].
+
+        The value is None if no message is due, because the robot is not driven.
+        """
         if self._counted is None:
             return None
         return min(WATCHDOG_PERIOD, self.allowed - self._silent)
@@ -152,10 +167,11 @@ class Watchdog:
 
 class GuardianWatch:
     """
-    Detects for a node that its guardian is frozen and no longer checks heartbeats.
+    Detects, in the node, that its guardian is frozen and no longer checks heartbeats.
 
-    Only time in which the node runs counts, because a pause of the whole machine holds up both
-    processes.
+    The guardian is a separate process.  It checks the heartbeats, by which the node shows that it
+    works.  Only time in which the node runs counts, because a pause of the whole machine holds up
+    both processes.
     """
 
     def __init__(self) -> None:
@@ -163,15 +179,21 @@ class GuardianWatch:
         self._checked = self._silent = 0.0
 
     def reset(self) -> None:
-        """Restart the measurement at the next check, because no heartbeats are sent until then."""
+        """
+        Forget how long the guardian was silent; the next call of ``is_frozen`` measures again.
+
+        The guardian is a separate process that checks the heartbeats of the node.  Call this at
+        the end of a drive, because no heartbeats are sent until the next drive.
+        """
         self._count = None
 
     def is_frozen(self, now: float, count: int) -> bool:
         """
-        Return whether the guardian has checked no heartbeat for GUARDIAN_TIMEOUT.
+        Return whether the guardian process has checked no heartbeat for GUARDIAN_TIMEOUT.
 
         :param now: the time [s]
-        :param count: how often the guardian has checked heartbeats; the count may restart at 0
+        :param count: how often the guardian has checked heartbeats; this number restarts at 0
+            after 255
         """
         if count == self._count:
             self._silent += min(now - self._checked, 2.0 * CHECK_PERIOD)
