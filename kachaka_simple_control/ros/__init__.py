@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The ROS 2 code of the node: session, discovery, parameters, publishers and subscriptions."""
+"""The ROS 2 part of this package: find a robot, drive it, stop it, and publish debug topics."""

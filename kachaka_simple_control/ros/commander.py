@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Requests to start, stop, pause, resume and slow down a drive, with their checks."""
+"""Accept or refuse requests to start, stop, pause, resume or slow down the motion of a robot."""
 
 from __future__ import annotations
 
@@ -48,15 +48,17 @@ PARAMETER = 'speed_factor'
 
 class Commander:
     """
-    Starts, stops, pauses, resumes and slows down the drives of a session.
+    Starts, stops, pauses, resumes and slows down the motion of a robot when a user requests it.
 
-    Services, keys and Python code call the same methods.  The methods may be called from any
-    thread.  Each method returns a text that says what it did, and raises an error if the request
-    is refused.
+    ROS services, keys of the keyboard and Python code call the methods of this class.  Any thread
+    may call them.  A method that refuses a request raises an error.  The text that most methods
+    return tells the user what was done.
 
-    :param node: the node that offers the services ``~/stop``, ``~/pause`` and ``~/resume``
-    :param session: the session that drives the robot
-    :param factor: the initial value of the parameter ``speed_factor``
+    :param node: the node on which the services ``~/stop``, ``~/pause`` and ``~/resume`` are
+        created
+    :param session: the object that connects with the robot, drives the robot and stops it
+    :param factor: the initial value of the ROS parameter ``speed_factor``, the speed of the robot
+        relative to the plan
     """
 
     def __init__(self, node: Node, session: Session, factor: float) -> None:
@@ -81,16 +83,17 @@ class Commander:
 
     @property
     def state(self) -> RunProgress:
-        """Return the current progress of the newest run."""
+        """Return the progress of the newest motion: how far it has come and whether it is over."""
         return self._session.robot_drive.progress
 
     def serve(self, name: str, function: Callable[[], str]) -> str:
         """
-        Offer a service that calls a function.
+        Create a ROS service of the type ``std_srvs/Trigger`` that calls a function.
 
         :param name: the name of the service, before remapping
-        :param function: returns a text that says what it did
-        :returns: the name of the service, after remapping
+        :param function: called for each request; returns the text for the response, or raises a
+            ControlError to refuse the request
+        :returns: the full name of the service, after remapping
         """
         service = self._node.create_service(
             Trigger, name, _service(function), qos_profile=SERVICE_QOS)
@@ -98,13 +101,16 @@ class Commander:
 
     def start(self, drive: Callable[[DriveRequest], object]) -> str:
         """
-        Start a drive in a new thread.
+        Start a thread that drives the robot, and return at once.
 
-        After this method has returned, a stop ends the drive, even if the robot does not move yet.
+        As soon as this method has returned, a request to stop ends the drive, even if the robot
+        does not move yet.
 
-        :param drive: the function that drives, called with the request
-        :returns: a text that says what was done
-        :raises ControlError: if the drive is refused
+        :param drive: drives the robot; called in the new thread with a DriveRequest, the record
+            through which a stop can end this drive
+        :returns: a text for the user that says what was done
+        :raises ControlError: if the robot may not drive now, for example because another drive is
+            under way
         """
         request = self._session.request(elsewhere=True)
 
@@ -122,18 +128,25 @@ class Commander:
 
     def request_start(self, drive: Callable[[DriveRequest], object]) -> str:
         """
-        Start a drive for a client, unless a stop is requested at the same time.
+        Start to drive for a ROS client, unless a client has just requested a stop.
 
-        :param drive: the function that drives, called with the request
-        :raises ControlError: if the drive is refused
+        The reason: a client may send a request to start and directly after it a request to stop,
+        and this node may process the two requests in the opposite order.  In this case the robot
+        must not move.
+
+        :param drive: drives the robot; called in a new thread with a DriveRequest, the record
+            through which a stop can end this drive
+        :returns: a text for the client that says what was done
+        :raises ControlError: if a stop was requested just before, or the robot may not drive now
         """
         self.stop_requests.require_none()
         return self.start(drive)
 
     def request_stop(self) -> str:
         """
-        Stop the robot for a client.
+        Stop the robot because a client has called the service ``~/stop``.
 
+        :returns: a text for the client that says what was done
         :raises RunFaultError: if the stop could not be sent, or odometry shows that the robot
             still moves
         """
@@ -141,11 +154,12 @@ class Commander:
 
     def pause(self) -> str:
         """
-        Pause the motion: bring the robot to rest within its limits, and keep it at rest.
+        Pause the motion: bring the robot to rest, and keep it at rest until ``resume`` is called.
 
-        If no motion is under way, the next motion is paused at its start.
+        The robot slows down within its limits of acceleration and jerk.  If no motion is under
+        way, the next motion is paused before the robot moves.
 
-        :returns: a text that says what was done
+        :returns: a text for the user that says what was done
         """
         if not self._factor.set(PAUSE, 0.0):
             return 'it was paused before'
@@ -155,12 +169,14 @@ class Commander:
 
     def resume(self, even_if_moved: bool = False) -> str:
         """
-        Resume a paused motion.
+        Continue a paused motion.
 
-        :param even_if_moved: whether to resume from the new pose if the robot was moved during
-            the pause
-        :returns: a text that says what was done
-        :raises ControlError: if no motion may start now, or the robot was moved
+        :param even_if_moved: whether to continue even if somebody moved the robot during the
+            pause; the rest of the motion then begins where the robot stands now
+        :returns: a text for the user; it says whether the motion continues, was not paused, or is
+            still held at rest for another reason than the pause
+        :raises ControlError: if no motion may start now, or if somebody moved the robot during the
+            pause and ``even_if_moved`` is False
         """
         self._session.check_resume(even_if_moved)
         was_held = [self._factor.set(name, 1.0) for name in (PAUSE, MOVED)]
@@ -172,13 +188,15 @@ class Commander:
 
     def resume_when_confirmed(self) -> str:
         """
-        Resume a paused motion; if the robot was moved, ask for a second request.
+        Continue a paused motion; if somebody moved the robot in the pause, require a second call.
 
-        The first request then raises RobotMovedError.  A second request after a short pause
-        resumes the motion.
+        If somebody moved the robot during the pause, the first call raises RobotMovedError, which
+        warns the user.  A second call, 1 s to 10 s after the first call, continues the motion from
+        the place where the robot stands now.
 
-        :returns: a text that says what was done
-        :raises ControlError: if no motion may start now, or the robot was moved
+        :returns: a text for the user that says what was done
+        :raises RobotMovedError: if the robot was moved, and this is not such a second call
+        :raises ControlError: if no motion may start now
         """
         try:
             return self.resume(even_if_moved=self._confirmation.on_request())
@@ -190,29 +208,35 @@ class Commander:
 
     def request_resume(self) -> str:
         """
-        Resume a paused motion for a client, unless a stop is requested at the same time.
+        Continue a paused motion for a ROS client, unless a client has just requested a stop.
 
-        :raises ControlError: if no motion may start now, or the robot was moved
+        If somebody moved the robot during the pause, the first request is refused with a warning.
+        A second request, 1 s to 10 s after the first request, continues the motion.
+
+        :returns: a text for the client that says what was done
+        :raises ControlError: if a stop was requested just before, no motion may start now, or the
+            robot was moved and this is the first request
         """
         self.stop_requests.require_none()
         return self.resume_when_confirmed()
 
     def change_speed(self, step: float) -> None:
         """
-        Increase or decrease the parameter ``speed_factor`` by one step.
+        Increase or decrease the ROS parameter ``speed_factor`` by one step.
 
-        The result is never above 1 (full speed), and never below the size of the step.
+        The parameter is the speed of the robot relative to the plan.  Its new value is at most 1
+        (as planned), and at least the absolute value of the step.
 
-        :param step: the change of the factor; negative to drive slower
+        :param step: the change of the parameter; a negative step makes the robot slower
         """
         factor = self._factor.factors.get(OVERRIDE, 1.0)
         self.set_speed(min(1.0, max(abs(step), round(factor + step, 2))))
 
     def set_speed(self, factor: float) -> None:
         """
-        Set the parameter ``speed_factor``.
+        Set the ROS parameter ``speed_factor``, the speed of the robot relative to the plan.
 
-        :param factor: the new value, from 0.01 to 1
+        :param factor: the new value, from 0.01 to 1; 1 means the planned speed
         :raises MotionRefusedError: if the value is out of range
         """
         result = self._node.set_parameters([Parameter(PARAMETER, value=factor)])[0]
@@ -258,16 +282,22 @@ class Commander:
 
 
 def _factors(parameters: list[Parameter]) -> list[Any]:
-    """Return the new values of ``speed_factor`` in a list of parameters."""
+    """
+    Return all values that a list of ROS parameters contains for the parameter ``speed_factor``.
+
+    :param parameters: ROS parameters with their new values; parameters with another name are
+        ignored
+    """
     return [parameter.value for parameter in parameters if parameter.name == PARAMETER]
 
 
 def _service(function: Callable[[], str]) -> Callable[
         [Trigger.Request, Trigger.Response], Trigger.Response]:
     """
-    Return a service callback that calls a function.
+    Return a callback for a ``std_srvs/Trigger`` service; the callback calls a function.
 
-    The callback responds with the text that the function returns, or with its error.
+    :param function: returns the text for the response.  If it raises a ControlError, the response
+        has the text of this error, and its field ``success`` is False
     """
     def respond(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Conversions between the values of this package and ROS 2 messages."""
+"""Convert poses, velocities and diagnoses to ROS 2 messages, and a Twist message to a velocity."""
 
 from __future__ import annotations
 
@@ -38,7 +38,11 @@ def twist(velocity: Velocity) -> Twist:
 
 
 def velocity(twist: Twist) -> Velocity:
-    """Return the linear x and angular z of a Twist message; the values may be NaN or infinite."""
+    """
+    Return a velocity with the linear x and the angular z of a Twist message.
+
+    The values are not checked: they may be NaN or infinite.
+    """
     return Velocity(twist.linear.x, twist.angular.z)
 
 
@@ -46,12 +50,15 @@ def odometry(
         pose: Pose, velocity: Velocity, stamp: Time, frame_id: str,
         child_frame_id: str) -> Odometry:
     """
-    Return an Odometry message.
+    Return an Odometry message with a pose and a velocity of the robot.
 
-    The covariances are zero, because they are unknown.
+    The covariances in the message are zero, because they are unknown.
 
-    :param pose: the pose of the robot in ``frame_id``
-    :param velocity: the velocity of the robot in ``child_frame_id``
+    :param pose: the pose of the robot in the frame ``frame_id``
+    :param velocity: the velocity of the robot in the frame ``child_frame_id``
+    :param stamp: the time stamp of the message
+    :param frame_id: the name of the odometry frame, for example ``odom``
+    :param child_frame_id: the name of the frame of the robot
     """
     from nav_msgs.msg import Odometry
     message = Odometry()
@@ -69,10 +76,12 @@ def odometry(
 def diagnostics(
         diagnoses: Mapping[str, Diagnosis], stamp: Time, hardware_id: str) -> DiagnosticArray:
     """
-    Return diagnoses as a DiagnosticArray message.
+    Return a DiagnosticArray message with one status for each diagnosis.
 
-    :param diagnoses: the diagnoses; each key is the name of the status
-    :param hardware_id: the hardware that the diagnoses describe
+    :param diagnoses: the diagnoses by the name of their status; a diagnosis has a level, a message
+        and named values
+    :param stamp: the time stamp of the message
+    :param hardware_id: a text that names the hardware which the diagnoses describe
     """
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
     message = DiagnosticArray()

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Set the DDS transport to UDP without shared memory and, on request, to this machine only."""
+"""Make Fast DDS use UDP without shared memory and, on request, only within this machine."""
 
 from __future__ import annotations
 
@@ -40,15 +40,16 @@ UDP, LOOPBACK = (Path(__file__).with_name(name) for name in ('udp.xml', 'loopbac
 
 def use_udp_transport() -> None:
     """
-    Make Fast DDS use UDP only in this process and its children, unless the user chose a transport.
+    Make Fast DDS use only UDP in this process and its children, unless the user chose a transport.
 
-    All processes of a machine share the shared memory of Fast DDS.  A process that was killed
-    leaves its part locked.  Another process that discovers a new participant then waits for the
-    lock, for a third of a second each time.  All its publishers wait meanwhile, so a velocity or a
-    stop is sent too late.  Our messages are small, so shared memory would not make them faster.
+    The reason: by default, all processes of a machine use the same shared memory of Fast DDS.  A
+    process that was killed leaves its part of this memory locked.  Each time another process
+    discovers a new participant, it waits for the lock for a third of a second, and none of its
+    publishers can send meanwhile.  So a velocity or a stop is sent too late.  The messages of this
+    package are small, so shared memory would not make them faster.
 
-    Call this function before the first node of a context is created.  The Fast DDS of Humble and
-    other middlewares keep their transport.
+    Call this function before the first node of a ROS context is created.  It does not change the
+    transport of Humble's version of Fast DDS, or of another DDS implementation.
     """
     if not _is_transport_chosen():
         _use_profile(UDP)
@@ -58,23 +59,28 @@ def use_localhost_only() -> None:
     """
     Limit discovery of this process and its children to this machine, unless the user set a range.
 
-    A simulated robot has the same ROS names as a real robot.  The real robot must not receive the
-    velocities for the simulated robot.  With Fast DDS, an XML profile sets the limit.  The ROS
-    range LOCALHOST is not used: it enables shared memory, and every third new participant is
-    discovered three seconds late.  Call this function before ``rclpy.init``.
+    The reason: a simulated robot has the same ROS names as a real robot, and the real robot must
+    not receive the velocities for the simulated robot.  Call this function before ``rclpy.init``.
 
-    Like the ROS range, the profile also sends announcements by unicast to the first 32
-    participants of this machine.  Nodes with the ROS range need this: they receive no multicast,
-    and they announce themselves only to these 32 participants.  The number is not larger, because
-    Fast DDS receives nothing until it has sent all these announcements, and the answer of a fast
-    robot is lost.  With 120 participants, every answer was lost.  The announcements are 320 small
-    packets per second for five seconds, then 128 per second, all on this machine.
+    The limit is set by an XML profile of Fast DDS, ``loopback.xml``.  If this profile cannot be
+    used, an environment variable of ROS sets the limit.  The profile is preferred for this reason:
+    the ROS setting ``ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`` enables shared memory, and with it
+    every third new participant is discovered three seconds late.
 
-    Both profiles announce a participant ten times per second for five seconds, then once per
-    second (on this machine only: four times per second).  The default of Fast DDS is five
-    announcements, then one every three seconds: every second or third robot was discovered three
-    seconds late.  ``benchmarks/experiments/driven_robot.py`` measures how long a drive takes to
-    start.
+    A process with this profile announces itself by multicast, and by unicast to the first 32
+    participants of this machine.  Nodes with the ROS setting LOCALHOST need the unicast: they
+    receive no multicast, and announce themselves only to these 32 participants.  More than 32
+    would be harmful: Fast DDS receives nothing until it has sent all unicast announcements, so it
+    loses the answer of a robot that answers fast.  With 120 participants, every answer was lost.
+    The unicast announcements are 320 small packets per second for five seconds, then 128 per
+    second, all on this machine.
+
+    With this profile, a participant announces itself ten times per second for five seconds, then
+    four times per second.  With ``udp.xml``, the profile for all machines, it does so ten times
+    per second for five seconds, then once per second.  The default of Fast DDS is five
+    announcements, then one every three seconds.  With this default, every second or third robot
+    was discovered three seconds late.  ``benchmarks/experiments/driven_robot.py`` measures how
+    long a drive takes to start.
     """
     if os.environ.get(RANGE, 'LOCALHOST') != 'LOCALHOST' or LOCALHOST_ONLY in os.environ:
         return
@@ -88,13 +94,15 @@ def use_localhost_only() -> None:
 
 def start_on_this_machine(own: object) -> None:
     """
-    Restrict ROS to this machine, and initialise ROS if needed.
+    Limit ROS to this machine for a simulated robot, and initialise ROS if it is not initialised.
 
-    A simulated robot has the same names as a real robot.  If programs on other machines discovered
-    the simulated robot, they would end their drives of a real robot.
+    The reason: a simulated robot has the same names as a real robot.  A program on another machine
+    that drives the real robot would end its drive if it discovered the simulated robot.
 
-    :param own: the node that is being created
-    :raises UsageError: if it is too late to restrict ROS to this machine
+    :param own: the node that is being created; no other node may exist yet if ROS is initialised
+        already
+    :raises UsageError: if ROS is initialised already, and it is too late to limit it to this
+        machine
     """
     import rclpy
     from rclpy.node import Node
@@ -114,24 +122,41 @@ def start_on_this_machine(own: object) -> None:
 
 
 def is_localhost_requested() -> bool:
-    """Return whether the environment sets the ROS discovery range to LOCALHOST."""
+    """Return whether the environment variable ROS_AUTOMATIC_DISCOVERY_RANGE is ``LOCALHOST``."""
     return os.environ.get(RANGE) == 'LOCALHOST'
 
 
 def is_range_chosen() -> bool:
-    """Return whether an environment variable or our XML profile sets the discovery range."""
+    """
+    Return whether the user or this program has already set how far DDS discovery reaches.
+
+    The user can set this with the environment variables ROS_AUTOMATIC_DISCOVERY_RANGE (not with
+    Humble) and ROS_LOCALHOST_ONLY.  This program sets it with an XML profile that limits discovery
+    to this machine.
+    """
     is_range_read = RANGE in os.environ and not _is_humble()
     return is_range_read or LOCALHOST_ONLY in os.environ or is_localhost_only()
 
 
 def can_still_be_localhost_only() -> bool:
-    """Return whether discovery can still be limited to this machine after ``rclpy.init``."""
+    """
+    Return whether discovery can still be limited to this machine after ``rclpy.init``.
+
+    This is possible only with an XML profile, which Fast DDS reads when the first node is created.
+    It is not possible with Humble or another DDS implementation.  It is also not possible if
+    environment variables choose a transport, or name other machines in ROS_STATIC_PEERS.
+    """
     is_profile_read = _fast_dds() not in (None, HUMBLE)
     return is_profile_read and not _is_transport_chosen() and not os.environ.get(PEERS)
 
 
 def is_localhost_only() -> bool:
-    """Return whether the ROS variables or our XML profile limit discovery to this machine."""
+    """
+    Return whether discovery is limited to this machine.
+
+    The limit is set by environment variables of ROS or by an XML profile of this package.  The
+    variables set no limit if ROS_STATIC_PEERS names other machines.
+    """
     is_range_localhost = is_localhost_requested() and not _is_humble()
     if is_range_localhost or os.environ.get(LOCALHOST_ONLY) == '1':
         return not os.environ.get(PEERS)
@@ -140,10 +165,11 @@ def is_localhost_only() -> bool:
 
 def _use_profile(profile: Path) -> bool:
     """
-    Make Fast DDS read an XML profile.
+    Set the environment variable that makes Fast DDS read an XML profile.
 
-    :returns: whether Fast DDS will read the profile, because its version is known and the file
-        exists
+    :param profile: the XML file
+    :returns: whether the variable was set.  It is not set if the version of Fast DDS is that of
+        Humble or is unknown, or if the file does not exist
     """
     version = _fast_dds()
     if version in (None, HUMBLE) or not profile.is_file():
@@ -153,7 +179,7 @@ def _use_profile(profile: Path) -> bool:
 
 
 def _is_humble() -> bool:
-    """Return whether this ROS is Humble, which does not read the discovery range."""
+    """Return whether this is ROS Humble, which does not read ROS_AUTOMATIC_DISCOVERY_RANGE."""
     return _fast_dds() == HUMBLE or os.environ.get('ROS_DISTRO') == 'humble'
 
 
@@ -163,9 +189,10 @@ def _is_transport_chosen() -> bool:
 
 def _fast_dds() -> tuple[int, int] | None:
     """
-    Return the version (major, minor) of the Fast DDS that this process uses.
+    Return the version of the Fast DDS library that this process has loaded.
 
-    :returns: None for another middleware, or if the version is not known
+    :returns: the major and the minor version number; None if another DDS implementation is used,
+        or the version is unknown
     """
     try:
         from rclpy.utilities import get_rmw_implementation_identifier

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Publishers of debug topics, which show the state of a node; a separate thread publishes."""
+"""
+Publishers of debug topics: planned and driven path, sent velocities, speed, and diagnostics.
+
+A separate thread sends the messages, so that they do not delay the thread that drives the robot.
+"""
 
 from __future__ import annotations
 
@@ -69,14 +73,15 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 class NoEventCallbacks:
     """
-    Event callbacks for a publisher that needs none: it creates no event handlers.
+    Replaces the event callbacks of an rclpy publisher, and creates no event handlers.
 
-    By default each publisher has two event callbacks.  They take time in every cycle of the
-    executor, and are not needed here: a subscriber with an incompatible QoS logs this itself.
+    By default, rclpy gives each publisher two handlers of QoS events, which take time in every
+    cycle of the executor.  They are not needed here: a subscriber with an incompatible QoS logs
+    the problem itself.
     """
 
     def create_event_handlers(self, *_: object) -> list[Any]:
-        """Return an empty list of event handlers."""
+        """Return an empty list, so that the rclpy publisher gets no handlers of QoS events."""
         return []
 
 
@@ -94,11 +99,13 @@ Serialize = Callable[[], bytes]
 
 class PublisherThread:
     """
-    One thread that publishes all debug topics of a node; the first message starts the thread.
+    A thread that sends the messages of all debug topics of a node; the first message starts it.
 
-    :param velocities: the publisher of the velocities that move the robot
-    :param may_publish: returns whether messages may be published now
-    :param on_error: called with the publisher and the error if a message could not be published
+    :param node: the node that gets the publishers of the debug topics
+    :param velocities: the publisher of the velocities that move the robot; its topic may not be
+        used as a debug topic
+    :param may_publish: returns whether messages may be sent now; otherwise they are dropped
+    :param on_error: called with the publisher and the error if a message could not be sent
     """
 
     def __init__(
@@ -112,12 +119,15 @@ class PublisherThread:
 
     def create_publisher(self, kind: type, topic: str, qos: QoSProfile) -> Publisher:
         """
-        Create a publisher whose QoS can be changed with the ROS parameters ``qos_overrides``.
+        Create a publisher for a debug topic; ROS parameters may change its QoS.
 
-        :param kind: the type of the message
+        The user sets these parameters, whose names begin with ``qos_overrides``.
+
+        :param kind: the type of the messages
         :param topic: the name of the topic, before remapping
-        :param qos: the default QoS
-        :raises UsageError: if the topic is remapped to the velocity topic, or the QoS is refused
+        :param qos: the QoS, unless parameters change it
+        :raises UsageError: if the topic is remapped to the topic of the velocities that move the
+            robot, or if the parameters set a QoS that is not allowed
         """
         name = self.node.resolve_topic_name(topic)
         if name == self._velocity_topic:
@@ -132,14 +142,25 @@ class PublisherThread:
         return publisher
 
     def publish(self, publisher: Publisher, serialize: Serialize) -> None:
-        """Put a message into the queue, and return at once."""
+        """
+        Put a message into the queue of the thread that sends it, and return at once.
+
+        If MAX_QUEUE messages already wait in the queue, drop the message.
+
+        :param publisher: the publisher that will send the message
+        :param serialize: returns the serialized message; called later, in the thread that sends it
+        """
         if self._queue.qsize() < MAX_QUEUE:
             self._queue.put((publisher, serialize))
         if self._thread is None:
             self._start()
 
     def close(self) -> None:
-        """Publish the messages in the queue, then end the thread."""
+        """
+        End the thread that sends the debug messages, after it has sent the messages in its queue.
+
+        Wait up to 1 s until the thread has ended.
+        """
         self._queue.put(None)
         if self._thread is not None:
             self._thread.join(THREAD_EXIT_TIMEOUT)
@@ -166,9 +187,13 @@ class PublisherThread:
 
 class DebugTopic:
     """
-    A debug topic of a node.
+    The base class of all publishers that show on a debug topic what the node does.
 
-    :raises UsageError: if the topic is remapped to the velocity topic
+    :param thread: the thread that sends the messages
+    :param kind: the type of the messages
+    :param topic: the name of the topic, before remapping
+    :param qos: the QoS, unless ROS parameters change it
+    :raises UsageError: if the topic is remapped to the topic of the velocities that move the robot
     """
 
     def __init__(self, thread: PublisherThread, kind: type, topic: str, qos: QoSProfile) -> None:
@@ -185,24 +210,32 @@ class DebugTopic:
 
 
 class SpeedFactorPublisher(DebugTopic):
-    """Publishes the speed factor when it changes; a late subscriber gets the newest value."""
+    """
+    Publishes the speed factor, the speed of the robot relative to the plan, when it changes.
+
+    A subscriber that joins later still receives the newest value.
+    """
 
     def __init__(self, thread: PublisherThread) -> None:
         super().__init__(thread, Float64, SPEED_FACTOR, LATCHED)
 
     def publish(self, factor: float) -> None:
-        """Publish the speed factor, from 0 to 1."""
+        """
+        Publish the speed factor, the speed of the robot relative to the plan.
+
+        :param factor: from 0, at rest, to 1, as planned
+        """
         self._send(lambda: bytes(serialize_message(Float64(data=factor))))
 
 
 class CommandedVelocityPublisher(DebugTopic):
     """
-    Publishes each velocity again on a debug topic after it was sent, while there are subscribers.
+    Publishes a copy of each velocity that was sent to the robot, while there are subscribers.
 
-    The QoS is best effort, because a plot needs only the newest value.  A reliable writer has more
-    work with readers that are slow, have ended or are frozen.
+    The QoS is best effort, because a plot needs only the newest value.  A reliable publisher would
+    have more work with subscribers that are slow, have ended or are frozen.
 
-    :param frame: the frame of the robot
+    :param frame: the frame of the robot, for the header of the messages
     """
 
     def __init__(self, thread: PublisherThread, frame: str) -> None:
@@ -216,7 +249,12 @@ class CommandedVelocityPublisher(DebugTopic):
         self._check_time = float('-inf')
 
     def on_sent(self, event: Event) -> None:
-        """Publish the velocity of a ``VelocitySent`` event, stamped with its send time."""
+        """
+        Publish a copy of a velocity that was sent to the robot, if there are subscribers.
+
+        :param event: a ``VelocitySent`` event, whose send time becomes the time stamp of the copy;
+            other events are ignored
+        """
         if not isinstance(event, VelocitySent):
             return
         if event.time - self._check_time >= SUBSCRIBER_COUNT_PERIOD:
@@ -237,10 +275,10 @@ class CommandedVelocityPublisher(DebugTopic):
 
 class DiagnosticsPublisher(DebugTopic):
     """
-    Publishes a diagnosis each time ``publish`` is called, if there are subscribers.
+    Publishes a diagnosis of the drive each time ``publish`` is called, if there are subscribers.
 
     :param robot: a text with the name of the robot and its velocity topic
-    :param diagnose: returns the diagnosis; None if there is none
+    :param diagnose: returns the current diagnosis; None if there is nothing to publish
     :raises ImportError: if diagnostic_msgs is not installed
     """
 
@@ -254,7 +292,7 @@ class DiagnosticsPublisher(DebugTopic):
         self._diagnose = diagnose
 
     def publish(self) -> None:
-        """Publish the current diagnosis."""
+        """Publish the current diagnosis of the drive, if there are subscribers."""
         if self._has_subscribers and (diagnosis := self._diagnose()) is not None:
             message = conversions.diagnostics(
                 {self._name: diagnosis}, self._clock.now().to_msg(), self._robot)
@@ -263,7 +301,7 @@ class DiagnosticsPublisher(DebugTopic):
 
 class PathTopic(DebugTopic):
     """
-    A debug topic on which a path is published.
+    The base class of the publishers of ``nav_msgs/Path`` messages on a debug topic.
 
     :raises ImportError: if nav_msgs is not installed
     """
@@ -274,7 +312,11 @@ class PathTopic(DebugTopic):
         self.set_frame(FRAME)
 
     def set_frame(self, frame: str) -> None:
-        """Use the frame of odometry from now on."""
+        """
+        Use a frame in the headers of all later path messages.
+
+        :param frame: the name of the frame in which odometry gives the poses of the robot
+        """
         self._serializer = PathSerializer(frame)
 
     def _send_path(self, poses: Sequence[bytes]) -> None:
@@ -284,9 +326,9 @@ class PathTopic(DebugTopic):
 
 class PlannedPathPublisher(PathTopic):
     """
-    Publishes the path of the newest plan before the robot moves.
+    Publishes the path that the robot will drive, before the robot moves.
 
-    A late subscriber gets the newest path.
+    A subscriber that joins later still receives the newest path.
     """
 
     def __init__(self, thread: PublisherThread) -> None:
@@ -296,17 +338,35 @@ class PlannedPathPublisher(PathTopic):
         self._plan_from_origin: Plan | None = None
 
     def on_plan(self, plan: Plan) -> None:
-        """Publish the path of the plan that is driven next."""
+        """
+        Publish the path that the robot will drive next, beginning at the newest pose of the robot.
+
+        If odometry has not given a pose yet, the path begins at the origin.
+
+        :param plan: the plan of the motion that the robot drives next
+        """
         self._plan_from_origin = plan if self._pose is None else None
         self._publish(plan, self._pose or ORIGIN)
 
     def on_motion_started(self, event: MotionStarted) -> None:
-        """Keep the published path from now on, because the robot moves."""
+        """
+        Keep the published path as it is from now on, because the robot moves.
+
+        If the path begins at the origin, a later pose from odometry does not move it to another
+        place.
+        """
         del event
         self._plan_from_origin = None
 
     def on_odometry(self, event: OdometryReceived) -> None:
-        """Publish the path again from the robot's pose, if it was published from the origin."""
+        """
+        Store the robot's pose; if the published path begins at the origin, move it to this pose.
+
+        The planned path begins at the origin if no pose was known when it was published.  It is
+        published again, unless the robot has already begun to move.
+
+        :param event: an event with the pose from odometry
+        """
         self._pose = event.pose
         plan, self._plan_from_origin = self._plan_from_origin, None
         if plan is not None:
@@ -317,20 +377,28 @@ class PlannedPathPublisher(PathTopic):
 
 
 class DrivenPathPublisher(PathTopic):
-    """Publishes the path that odometry has measured, if there are subscribers."""
+    """Publishes the path that the robot has driven, from odometry, if there are subscribers."""
 
     def __init__(self, thread: PublisherThread) -> None:
         super().__init__(thread, DRIVEN_PATH, QoSProfile(depth=1))
         self._publish_time = float('-inf')
 
     def set_frame(self, frame: str) -> None:
-        """Start a new path in the frame of odometry."""
+        """
+        Forget the driven path, and begin a new path in another frame.
+
+        :param frame: the name of the frame in which odometry gives the poses of the robot
+        """
         super().set_frame(frame)
         self._history = PoseHistory(
             MAX_POSES, lambda pose: self._serializer.pose(pose, self._clock.now().nanoseconds))
 
     def on_odometry(self, event: OdometryReceived) -> None:
-        """Add a pose to the path, and publish the path at most once per MIN_PATH_PERIOD."""
+        """
+        Add the pose from an odometry event to the driven path, and publish this path.
+
+        Publish it only if there are subscribers, and at most once per MIN_PATH_PERIOD (0.5 s).
+        """
         self._history.add(event.pose)
         if event.time - self._publish_time >= MIN_PATH_PERIOD and self._has_subscribers:
             self._publish_time = event.time

@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""DDS endpoints: their participants, and checks and overrides of their quality of service."""
+"""
+Find out to which DDS participant a publisher or subscription belongs, and handle its QoS.
+
+The functions for the QoS explain why two QoS profiles do not match, and let ROS parameters change
+the QoS.
+"""
 
 from __future__ import annotations
 
@@ -44,20 +49,24 @@ _POLICIES = ('reliability', 'durability', 'deadline', 'liveliness', 'liveliness_
 
 def participants(infos: Iterable[Any]) -> list[bytes]:
     """
-    Return the DDS participant of each endpoint (``TopicEndpointInfo``).
+    Return the identifier of the DDS participant of each publisher or subscription.
 
-    Use this to identify a program.  Node names are not enough: they are not transmitted between
-    some ROS distributions.
+    The identifier shows which program has the publisher or subscription.  Node names are not
+    enough for this: they are not transmitted between some ROS distributions.
+
+    :param infos: ``TopicEndpointInfo`` objects from the ROS graph
+    :returns: for each object, the part of the GID that identifies the participant
     """
     return [bytes(info.endpoint_gid[:PARTICIPANT_LENGTH]) for info in infos]
 
 
 def own_participant(node: Node) -> bytes:
     """
-    Return the DDS participant of a node.
+    Return the identifier of the DDS participant to which a node belongs.
 
-    rclpy does not offer the GID of a publisher.  So this function creates a publisher on a topic
-    with a unique name, and finds it in the graph.
+    The identifier is a part of the GID of a publisher, and rclpy does not offer this GID.  So this
+    function creates a publisher on a topic with a unique name, finds it in the ROS graph, and
+    destroys it.
     """
     topic = f'/_kachaka_simple_control/participant_{uuid.uuid4().hex}'
     publisher = node.create_publisher(Twist, topic, 1)
@@ -70,9 +79,10 @@ def incompatibility(offered: QoSProfile, requested: QoSProfile) -> str:
     """
     Describe why a publisher and a subscription do not match.
 
-    :param offered: the quality of service of the publisher
-    :param requested: the quality of service of the subscription
-    :returns: the policies that do not match, with both values; empty if all match
+    :param offered: the QoS of the publisher
+    :param requested: the QoS of the subscription
+    :returns: a text with each QoS policy that does not match, and its requested and its offered
+        value; an empty text if all policies match
     """
     if _is_compatible(offered, requested):
         return ''
@@ -107,12 +117,13 @@ def with_qos_overrides(
         create: Callable[[QoSOverridingOptions], Any],
         check: Callable[[QoSProfile], SetParametersResult] | None = None) -> Any:
     """
-    Create a publisher or subscription whose QoS can be changed by parameters.
+    Create a publisher or subscription whose QoS can be changed with ROS parameters.
 
-    :param create: creates the publisher or subscription with the given override options
-    :param check: an additional check that may refuse a QoS
+    :param create: creates the publisher or subscription with the given ``QoSOverridingOptions``
+    :param check: checks a QoS and returns whether it is allowed; None to check only the depth of
+        the queue
     :returns: the publisher or subscription
-    :raises UsageError: if a parameter requests a QoS that is refused
+    :raises UsageError: if a parameter sets a QoS that is not possible or not allowed
     """
     def check_all(qos: QoSProfile) -> SetParametersResult:
         result = _check_depth(qos)

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Executors for a background node and for a bridge, and a callback before a context is shut down.
+Run the callbacks of nodes, and call a function before a ROS context is shut down.
 
-A bridge has one executor for velocities, which needs less CPU time than an executor of rclpy, and
-one executor for all other callbacks.
+A bridge connects a robot with ROS.  It has two executors: one for velocities, which needs less CPU
+time than an executor of rclpy, and one for all other callbacks.
 """
 
 from __future__ import annotations
@@ -41,14 +41,15 @@ PAUSE_AFTER_ERROR = 0.02
 
 class BackgroundExecutor:
     """
-    Spins a node in one background thread, unless the node is in another executor.
+    Runs the callbacks of a node in a background thread, unless another executor runs them.
 
-    The constructor starts the thread.  A later start could fail: since Python 3.12 no thread can
-    start after the main thread has ended, but another thread may still drive then.  Call ``stop``
-    before the program ends: a thread that still spins makes the interpreter abort.
+    The constructor starts the thread, because it may be too late to start it later: since Python
+    3.12, no thread can start after the main thread has ended, although another thread may still
+    drive a robot then.  ``ensure_spinning`` adds the node.  Call ``stop`` before the program ends,
+    because a thread that still runs callbacks makes the Python interpreter abort.
 
-    :param node: the node whose callbacks are served
-    :param on_error: called in the background thread with the exception that a callback raised
+    :param node: the node whose callbacks are run
+    :param on_error: called in the background thread with an exception that a callback has raised
     """
 
     def __init__(self, node: Node, on_error: Callable[[BaseException], None]) -> None:
@@ -60,18 +61,18 @@ class BackgroundExecutor:
 
     def ensure_spinning(self, take_over: bool = False) -> None:
         """
-        Add the node to this executor if the node is in no executor.
+        Make this executor run the callbacks of its node, unless another executor runs them.
 
-        :param take_over: whether to add the node even if it is in another executor
+        :param take_over: whether to remove the node from another executor that runs its callbacks
         """
         if take_over or not self._has_executor():
             self._executor.add_node(self._node)
 
     def is_executor_thread(self) -> bool:
         """
-        Return whether the calling thread is in a callback of the node's executor.
+        Return whether a callback of the node's executor runs in the calling thread at the moment.
 
-        Such a thread must not wait for another callback, because it would wait forever.
+        If so, the thread must not wait for another callback of the node: it would wait forever.
         """
         if threading.current_thread() is self._thread:
             return True
@@ -79,7 +80,11 @@ class BackgroundExecutor:
         return is_elsewhere and any(True for _ in _executor_frames(sys._getframe()))
 
     def stop(self) -> None:
-        """Stop spinning, and wait for the thread to end."""
+        """
+        End the background thread that runs the callbacks of a node, and wait until it has ended.
+
+        Wait at most 2 s, and do not wait if the background thread itself calls this method.
+        """
         self._executor.shutdown(timeout_sec=0.0)
         if threading.current_thread() is not self._thread:
             self._thread.join(THREAD_EXIT_TIMEOUT)
@@ -97,10 +102,12 @@ class BackgroundExecutor:
 def spin_until_stopped(
         spin: Callable[[], None], on_error: Callable[[BaseException], None]) -> None:
     """
-    Call a function that runs callbacks, again after each error, until it returns normally.
+    Run callbacks; if one raises an error, report the error and continue.
 
-    :param spin: runs callbacks until it is stopped, or until the context is shut down
-    :param on_error: called with the exception that a callback raised
+    :param spin: runs callbacks until it is stopped, or until the ROS context is shut down.  It is
+        called again each time it raises an error.  This function returns when ``spin`` returns
+        without an error, or the context is shut down
+    :param on_error: called with each exception that a callback has raised
     """
     while (error := _error_of(spin)) is not None:
         on_error(error)
@@ -108,7 +115,11 @@ def spin_until_stopped(
 
 
 def _error_of(function: Callable[[], None]) -> BaseException | None:
-    """Return the exception that a function raises; None without one, or after a shutdown."""
+    """
+    Call a function, and return the exception that it raises; None if it raises none.
+
+    Also return None for ExternalShutdownException, which means that ROS was shut down.
+    """
     try:
         function()
     except ExternalShutdownException:
@@ -120,10 +131,11 @@ def _error_of(function: Callable[[], None]) -> BaseException | None:
 
 def wake_main_thread() -> None:
     """
-    Wake the executor in which the main thread waits, if there is one.
+    Wake the executor of rclpy in which the main thread waits; do nothing if it waits in none.
 
-    Python runs signal handlers in the main thread, and only between bytecode instructions.  A wait
-    in C++ code delays them.
+    The reason: Python runs a signal handler only in the main thread, and only between two bytecode
+    instructions.  While the main thread waits in the C++ code of an executor, no signal handler
+    runs.
     """
     for frame in _executor_frames(sys._current_frames().get(threading.main_thread().ident or 0)):
         executor = frame.f_locals.get('self')
@@ -141,14 +153,15 @@ def _executor_frames(frame: FrameType | None) -> Iterator[FrameType]:
 
 def before_shutdown(context: Context, callback: Callable[[], None]) -> None:
     """
-    Call a function before a context is shut down, in the thread that shuts it down.
+    Make a ROS context call a function each time before it is shut down.
 
-    ``Context.on_shutdown`` of rclpy calls its callbacks after the shutdown, when publishing is no
-    longer possible (ros2/rclpy issue 1077).  So this function wraps the two methods that shut
-    down a context.
+    The function is called in the thread that shuts down the context.  ``Context.on_shutdown`` of
+    rclpy is not sufficient: it calls its callbacks after the shutdown, when publishing is no
+    longer possible (ros2/rclpy issue 1077).  So this function replaces the methods ``shutdown``
+    and ``try_shutdown`` of the context.  The new methods first call the function.
 
     :param context: the context that will be shut down
-    :param callback: the function; it may be called more than once
+    :param callback: the function to call; it may be called more than once
     """
     for name in ('shutdown', 'try_shutdown'):
         setattr(context, name, _preceded(getattr(context, name), callback))
@@ -168,7 +181,11 @@ WAIT_FOREVER = -1
 
 
 class NodeExecutor:
-    """An executor for all callbacks of a node, except those of a ``SubscriptionExecutor``."""
+    """
+    Runs the callbacks of a node, except those of a subscription with its own executor.
+
+    A ``SubscriptionExecutor`` is such an executor for one subscription.
+    """
 
     def __init__(self, node: Node) -> None:
         self._stopped = threading.Event()
@@ -176,27 +193,33 @@ class NodeExecutor:
         self._executor.add_node(node)
 
     def run(self) -> None:
-        """Run callbacks until ``stop()`` is called."""
+        """Run the callbacks of the node in the calling thread, until ``stop`` is called."""
         while not self._stopped.is_set():
             self._executor.spin_once()
         self._executor.shutdown()
 
     def stop(self) -> None:
-        """Make ``run()`` return, also if it has not started; call once, from any thread."""
+        """
+        End the method ``run``, which runs the callbacks of the node.
+
+        If ``run`` has not been called yet, a later call ends at once.  Call this method once, from
+        any thread.
+        """
         # A task wakes the executor.  A shutdown here would destroy the objects it waits for.
         self._executor.create_task(self._stopped.set)
 
 
 class SubscriptionExecutor:
     """
-    An executor for one subscription, with much lower CPU load than an rclpy executor.
+    Receives the messages of one subscription, with much less CPU time than an rclpy executor.
 
     It waits for messages in a loop, like ``rclpy.wait_for_message()``.
 
-    :param node: the node
-    :param subscription: a subscription of the node, in its own callback group
-    :param on_message: called with each message, the oldest first
-    :param raw: whether ``on_message`` gets serialized messages (bytes)
+    :param node: the node that has the subscription
+    :param subscription: the subscription; it has a callback group of its own, which no other
+        executor serves
+    :param on_message: called with each message, the oldest message first
+    :param raw: whether ``on_message`` gets serialized messages (bytes) instead of message objects
     """
 
     def __init__(
@@ -218,9 +241,9 @@ class SubscriptionExecutor:
 
     def run(self) -> None:
         """
-        Run callbacks until ``stop()`` is called.
+        Receive messages of the subscription in the calling thread, until ``stop`` is called.
 
-        :raises ExternalShutdownException: if the context was shut down
+        :raises ExternalShutdownException: if the ROS context was shut down
         """
         try:
             self._run()
@@ -230,7 +253,12 @@ class SubscriptionExecutor:
             raise ExternalShutdownException from None
 
     def stop(self) -> None:
-        """Make ``run()`` return, also if it has not started; call once, from any thread."""
+        """
+        End the method ``run``, which receives the messages of the subscription.
+
+        If ``run`` has not been called yet, a later call ends at once.  Call this method once, from
+        any thread.
+        """
         self._stopped.set()
         self._guard_condition.trigger()
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Detect velocities that other programs send to the same robot."""
+"""Detect velocities that other programs send to the robot which this program drives."""
 
 from __future__ import annotations
 
@@ -40,16 +40,18 @@ class ForeignMessages:
     Detects velocities that other programs send to the robot.
 
     It subscribes to the velocity topic while another program has a publisher on this topic.  A
-    publisher alone does not prove that the other program drives, because it may never send.
-    Without such a publisher there is no subscription, and so no CPU load.
+    publisher alone does not prove that the other program drives the robot, because it may never
+    send.  If no other program has a publisher, there is no subscription, so no CPU time is used.
 
-    :param node: the node that publishes
+    :param node: the node of this program that publishes velocities
     :param publisher: the publisher of velocities of this node
-    :param other_publishers: returns the node names of the publishers of other programs
-    :param is_latched: returns whether the guardian has stopped the robot; after this, zero
-        velocities come from the guardian and are ignored
-    :param on_message: called in the executor's thread for each message of another program, with a
-        description of the sender; not called while ``detect`` waits
+    :param other_publishers: returns the names of the nodes of other programs that have a publisher
+        on the velocity topic
+    :param is_latched: returns whether the guardian, a separate process that stops the robot if
+        this program cannot, has stopped the robot.  After this, zero velocities come from the
+        guardian and are ignored
+    :param on_message: called in the executor's thread for each velocity from another program, with
+        a text that describes the other program; not called while ``detect`` waits
     """
 
     def __init__(
@@ -70,9 +72,9 @@ class ForeignMessages:
 
     def update(self) -> bool:
         """
-        Find publishers of other programs, and subscribe while there are any.
+        Find velocity publishers of other programs, and subscribe to the topic while any exist.
 
-        :returns: whether there are any
+        :returns: whether any velocity publisher of another program exists
         """
         self._names = self._other_publishers()
         if self._names and self._subscription is None:
@@ -87,21 +89,22 @@ class ForeignMessages:
 
     def has_recent(self, now: float) -> bool:
         """
-        Return whether another program has sent a message recently.
+        Return whether another program has sent a velocity to the robot recently.
 
-        :param now: the time [s on the steady clock]
-        :returns: whether the newest message is not older than FOREIGN_MESSAGE_MAX_AGE
+        :param now: the current time [s on the steady clock]
+        :returns: whether the newest such velocity arrived at most FOREIGN_MESSAGE_MAX_AGE (1 s)
+            ago
         """
         return now - self._newest <= FOREIGN_MESSAGE_MAX_AGE
 
     def detect(self, check: Callable[[], None] = lambda: None) -> bool:
         """
-        Wait for a message of another program, for at most FOREIGN_CHECK_TIME.
+        Wait up to 0.4 s for a velocity that another program sends to the robot.
 
-        Do not wait if no other program has a publisher.
+        The time is FOREIGN_CHECK_TIME.  If no other program has a velocity publisher, do not wait.
 
-        :param check: called while waiting; an exception from it ends the wait
-        :returns: whether a message came
+        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :returns: whether such a velocity has arrived, in this time or shortly before
         """
         if not self.update():
             return False
@@ -113,10 +116,10 @@ class ForeignMessages:
 
     def require_none(self, check: Callable[[], None]) -> None:
         """
-        Check that no other program drives the robot, before this program starts to drive it.
+        Check that no other program sends velocities to the robot, before this program drives it.
 
-        :param check: called while waiting; an exception from it ends the wait
-        :raises RobotTakenError: if another program drives the robot
+        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :raises RobotTakenError: if another program sends velocities to the robot
         """
         if self.detect(check):
             # Discovery delivers node names last.  The wait is safe: the robot does not move yet.
@@ -126,7 +129,7 @@ class ForeignMessages:
 
     def taken(self, sender: str) -> RobotTakenError:
         """
-        Return the error for the case that another program drives the robot already.
+        Return an error which says that another program already sends velocities to the robot.
 
         :param sender: the description of the other program, from ``describe_sender``
         """
@@ -135,7 +138,11 @@ class ForeignMessages:
             'that program, or set the parameter allow_other_publishers to true')
 
     def describe_sender(self) -> str:
-        """Return a text that names the nodes that may have sent the foreign messages."""
+        """
+        Return a text with the names of the other nodes that may have sent velocities to the robot.
+
+        These are all nodes of other programs that have a publisher on the velocity topic.
+        """
         if UNKNOWN_NODE in self._names:
             self._names = self._other_publishers() or self._names  # discovery delivers names last
         names = sorted({

@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The program of the guardian, which stops robots if the program that drives them cannot.
+The guardian: a separate program that stops robots if the program that drives them cannot.
 
-It has its own DDS participants, so it can still publish after the driving program has ended.
+The guardian has its own DDS participants.  So it can still send stop messages after the program
+that drives the robots has ended.
 """
 
 from __future__ import annotations
@@ -59,10 +60,14 @@ MAX_ROBOT_SIZE = 4096
 
 class GuardianNode:
     """
-    A hidden node of the guardian, with its own DDS participant.
+    A ROS node of the guardian, with its own ROS context and so its own DDS participant.
 
-    :param domain: the ROS domain
-    :param on_participant: called with the DDS participant before a publisher is created
+    The guardian is a separate program that stops robots if the program that drives them cannot.
+    The name of its node begins with ``_``, so that ROS tools hide it.
+
+    :param domain: the number of the ROS domain
+    :param on_participant: called with the identifier of the node's DDS participant, before any
+        velocity publisher is created on the node
     """
 
     def __init__(self, domain: int, on_participant: Callable[[bytes], None]) -> None:
@@ -75,19 +80,22 @@ class GuardianNode:
         on_participant(own_participant(self.node))
 
     def end(self) -> None:
-        """Destroy the node and shut down its context."""
+        """Destroy this node of the guardian, and shut down the ROS context of the node."""
         self.node.destroy_node()
         self._context.try_shutdown()
 
 
 class GuardedRobot:
     """
-    A robot that the guardian stops: its publishers and its watchdog.
+    A robot that the guardian stops if the program that drives the robot cannot.
 
-    :param slot: the memory that is shared with the node for this robot
+    This object has the publishers that send zero velocities to the robot, and a watchdog, which
+    decides when the robot must be stopped.
+
+    :param slot: the part of the memory shared with the driving program that belongs to this robot
     :param topic: the velocity topic of the robot, after remapping
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
-    :param message_type: Twist or TwistStamped
+    :param message_type: the type of the velocity messages, ``Twist`` or ``TwistStamped``
     :param frame: the frame in the header of a stamped message
     """
 
@@ -106,20 +114,26 @@ class GuardedRobot:
 
     @property
     def nodes(self) -> Collection[GuardianNode]:
-        """Return the nodes that have a publisher for this robot."""
+        """Return the nodes of the guardian that have a publisher for this robot."""
         return self._publishers.keys()
 
     @property
     def is_stopping(self) -> bool:
-        """Whether a stop is being sent."""
+        """Whether a thread of the guardian is sending zero velocities to stop this robot."""
         return any(thread.is_alive() for thread in self._stopping)
 
     def join(self, node: GuardianNode) -> None:
-        """Create a publisher for this robot on a node."""
+        """Create a velocity publisher for this robot on a node of the guardian."""
         self._publishers[node] = VelocityPublisher(node.node, *self._arguments)
 
     def match(self) -> bool:
-        """Keep only the publisher that has a subscriber; return whether there is one."""
+        """
+        Check whether one of the publishers for this robot has discovered the robot's subscription.
+
+        If so, destroy the other publishers for this robot.  Otherwise keep all publishers.
+
+        :returns: whether a publisher has discovered the subscription
+        """
         matched = (node for node, publisher in self._publishers.items()
                    if publisher.get_subscription_count() > 0)
         if (node := next(matched, None)) is not None:
@@ -128,30 +142,45 @@ class GuardedRobot:
         return self.is_matched
 
     def keep_newest(self) -> None:
-        """Keep only the newest publisher for this robot."""
+        """Destroy all publishers for this robot except the newest one."""
         self._keep([*self._publishers][-1])
 
     def leave(self) -> None:
-        """Destroy the publishers for this robot."""
+        """Destroy all publishers for this robot, so that the guardian can no longer send to it."""
         self._keep(None)
 
     def send_zero(self) -> bool:
-        """Publish one zero velocity; return True, which tells ``send_stop`` to continue."""
+        """
+        Publish one zero velocity to the robot.
+
+        :returns: True, which tells the caller ``send_stop`` to continue the stop
+        """
         [*self._publishers.values()][-1].transmit(ZERO)
         return True
 
     def begin_stop(self) -> None:
-        """Set the latch, which blocks all motion of the node, and send one zero velocity."""
+        """
+        Block all later motion by the program that drives the robot, and send one zero velocity.
+
+        The motion is blocked by the latch, a flag in shared memory.  The driving program reads the
+        latch before it sends a velocity.
+        """
         self.slot.latch.trip(time.monotonic())
         self.send_zero()
 
     def finish_stop(self) -> None:
-        """Send the complete stop in a thread, because other robots must be guarded meanwhile."""
+        """
+        Start a thread that sends the complete stop to the robot.
+
+        The complete stop is a series of zero velocities.  It takes longer than the time for which
+        the robot keeps a velocity if no new message arrives.  The stop is sent in a thread,
+        because the guardian must watch other robots meanwhile.
+        """
         self._stopping = run_in_threads(
             [partial(send_stop, self.send_zero, self._command_timeout)])
 
     def wait_for_stop(self) -> None:
-        """Wait until the stop was sent."""
+        """Wait until the thread that sends the zero velocities of the stop has sent them all."""
         for thread in self._stopping:
             thread.join()
 
@@ -163,16 +192,19 @@ class GuardedRobot:
 
 class GuardianNodes:
     """
-    Creates the nodes of the guardian: one for all robots, and more until each robot is matched.
+    Creates ROS nodes for the guardian until its publishers have discovered all robots.
 
-    A robot is matched when a publisher of the guardian has discovered its subscription.  If this
-    does not happen within a timeout, the next node joins the graph.  Nodes that no robot needs
-    are ended.  If no node matches a robot, the newest publisher for this robot remains.
+    The guardian is a separate program that stops robots if the program that drives them cannot.
+    The guardian begins with one node for all robots.  A robot is matched when a publisher of the
+    guardian has discovered the robot's subscription.  If a robot is not matched within a timeout,
+    another node is created, with a publisher for this robot.  A node whose publishers no robot
+    needs is ended.  If a robot is not matched after all attempts, the newest publisher for this
+    robot remains.
 
-    The reason: Fast DDS announces a participant before it listens.  A robot on the same machine
-    answers each new participant once.  If the answer comes too early, it is lost.  Then the robot
-    is discovered at its next announcement, up to 3 s later.  This happened to every second or
-    fourth participant (measured).
+    The reason for more than one node: Fast DDS announces a participant before it listens.  A robot
+    on the same machine answers each new participant once.  If the answer comes too early, it is
+    lost.  Then the robot is discovered at its next announcement, up to 3 s later.  This happened
+    to every second to fourth participant (measured).
 
     :param create: creates a node
     """
@@ -185,7 +217,14 @@ class GuardianNodes:
         self._join_at = math.inf
 
     def add(self, robot: GuardedRobot) -> None:
-        """Create a publisher for a robot, and start the timeout for the next node."""
+        """
+        Create a publisher for a robot on the newest node of the guardian.
+
+        If the publisher does not discover the robot's subscription within a timeout, ``update``
+        creates another node.  The timeout starts now.
+
+        :param robot: the robot that the guardian has to watch
+        """
         if not self._nodes:
             self._nodes.append(self._create())
         robot.join(self._nodes[-1])
@@ -194,11 +233,12 @@ class GuardianNodes:
 
     def update(self, robots: Collection[GuardedRobot]) -> None:
         """
-        Create the next node if a robot is not matched in time, and end unused nodes.
+        Create another node if a robot was not discovered in time; end nodes that no robot uses.
 
-        Do not call this while a robot is driven, because Python may run no other thread meanwhile.
+        Do not call this method while a robot is driven: while it runs, Python may run no other
+        thread.
 
-        :param robots: all robots
+        :param robots: all robots that the guardian watches
         """
         waiting = [robot for robot in robots if not robot.is_matched]
         if waiting and time.monotonic() >= self._join_at:
@@ -221,20 +261,22 @@ class GuardianNodes:
         self._join_at = time.monotonic() + timeout
 
     def end(self) -> None:
-        """End all nodes of the guardian."""
+        """End all ROS nodes of the guardian."""
         for node in self._nodes:
             node.end()
 
 
 class GuardianProgram:
     """
-    Reads the messages of the node, publishes zero velocities on request, and stops robots.
+    The main loop of the guardian, a program that stops robots if their driving program cannot.
 
-    The guardian stops a robot if the heartbeats of its node stop, or if the node ends before it
-    has sent a complete stop.
+    The guardian reads messages from the node of the driving program, and publishes zero velocities
+    when that node requests them.  While a robot is driven, the node writes heartbeats, which show
+    that it still works.  The guardian stops a robot if the heartbeats stop, or if the node ends
+    before it has sent its complete stop.
 
-    :param memory: the memory that is shared with the node
-    :param nodes: creates the nodes that publish
+    :param memory: the memory that is shared with the driving program, with the heartbeats
+    :param nodes: creates the ROS nodes with which the guardian publishes
     """
 
     def __init__(self, memory: GuardianMemory, nodes: GuardianNodes) -> None:
@@ -248,11 +290,16 @@ class GuardianProgram:
 
     def serve(self, messages: int, robots: socket.socket, signals: int) -> None:
         """
-        Run until the node has ended or has closed the pipe.
+        Run the guardian until the program that drives the robots ends, or a signal arrives.
 
-        :param messages: the file descriptor from which the messages of the node are read
-        :param robots: the socket from which the descriptions of robots are read
-        :param signals: a file descriptor that becomes readable when this program must end
+        Then stop each robot for which the driving program has not sent a complete stop.
+
+        :param messages: the file descriptor of the pipe from which the messages of the driving
+            program are read
+        :param robots: the socket from which the driving program's descriptions of new robots are
+            read
+        :param signals: a file descriptor that becomes readable when a signal tells the guardian to
+            end
         """
         robots.setblocking(False)
         ended_by = ''
@@ -329,9 +376,13 @@ class GuardianProgram:
 
     def _stop(self, reasons: dict[int, str]) -> None:
         """
-        Stop robots: first send one zero velocity to each robot, then the complete stop to each.
+        Stop several robots at the same time.
 
-        :param reasons: the reason for the stop of each robot, by slot number
+        First send one zero velocity to each robot.  Then start a thread for each robot that sends
+        the rest of the stop, a series of zero velocities.
+
+        :param reasons: the reason to stop each robot, by the number of the robot's slot, its part
+            of the shared memory
         """
         for number in reasons:
             with contextlib.suppress(Exception):  # the other robots must be stopped all the same
@@ -361,10 +412,12 @@ class GuardianProgram:
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Run the guardian.
+    Run the guardian, a program that stops robots if the program that drives them cannot.
 
-    :param args: the ROS domain, and three file descriptors: the messages of the node, the socket
-        for the descriptions of robots, and the memory shared with the node
+    :param args: the command line arguments: the number of the ROS domain, and three file
+        descriptors.  These are a pipe with the messages of the driving program, a socket with
+        descriptions of the robots, and the memory shared with the driving program.  None to use
+        ``sys.argv``
     :returns: the exit code
     """
     parser = argparse.ArgumentParser()
@@ -395,7 +448,9 @@ def _report(line: str) -> None:
 
 def _handle_signals() -> int:
     """
-    Handle SIGTERM, and ignore SIGINT and SIGHUP, because the node handles them.
+    Handle SIGTERM, and ignore SIGINT and SIGHUP.
+
+    The guardian ignores SIGINT and SIGHUP, because the program that drives the robot handles them.
 
     :returns: a file descriptor that becomes readable at SIGTERM
     """

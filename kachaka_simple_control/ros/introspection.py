@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Publish debug topics: paths, commanded velocity, speed factor and diagnostics."""
+"""Publish the debug topics of a node: paths, sent velocities, speed factor and diagnostics."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ Handler = Callable[[Any], None]
 
 class IntrospectionPublishers:
     """
-    The publishers of all debug topics of a node.
+    The publishers of all debug topics of a node, which show what the node does.
 
-    If one publisher fails, the error is logged once, and this publisher publishes nothing more.
-    The drive continues.
+    If a publisher fails, the error is logged once as a warning, and the drive continues.
 
+    :param node: the node that gets the publishers
     :param velocities: the publisher of the velocities that move the robot
-    :param profile: the kind of robot
-    :raises UsageError: if a debug topic is remapped to the velocity topic
+    :param profile: the description of the kind of robot
+    :raises UsageError: if a debug topic is remapped to the topic of ``velocities``
     """
 
     def __init__(self, node: Node, velocities: VelocityPublisher, profile: RobotProfile) -> None:
@@ -89,19 +89,28 @@ class IntrospectionPublishers:
         self._add_diagnostics(f'{profile.name} on {velocities.topic_name}')
 
     def attach(self, event_bus: EventBus, status_reader: StatusReader) -> None:
-        """Start publishing: subscribe to the session's events, and publish a speed factor of 1."""
+        """
+        Start to publish the debug topics; the first message is a speed factor of 1, full speed.
+
+        :param event_bus: passes on the events of the drives, from which most messages are made
+        :param status_reader: reads the state of the connection with the robot, for the diagnostics
+        """
         self._status_reader = status_reader
         for handler in (*self._always, self._handle):
             event_bus.subscribe(handler)
         self._speed_factor.publish(1.0)
 
     def set_frame(self, frame: str) -> None:
-        """Use the frame of odometry for the paths."""
+        """
+        Use a frame for the planned path and the driven path.
+
+        :param frame: the name of the frame in which odometry gives the poses of the robot
+        """
         for handler in self._on_frame:
             handler(frame)
 
     def close(self) -> None:
-        """Publish the messages in the queue, then stop publishing."""
+        """Send the debug messages that still wait in the queue, then stop publishing."""
         self._thread.close()
 
     @property
@@ -155,9 +164,12 @@ class IntrospectionPublishers:
 
     def _failing_once(self, name: str, handler: Handler) -> Handler:
         """
-        Return a handler that passes each call on, and stops doing so after the first error.
+        Return a function that calls a handler until this handler raises an error.
 
-        The first error is logged as a warning.
+        The error is logged as a warning.  After the error, the function does nothing.
+
+        :param name: the name of the debug topic, for the warning
+        :param handler: a function that is called with an event or with the name of a frame
         """
         has_failed = False
 

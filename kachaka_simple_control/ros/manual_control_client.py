@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The client of the service that switches manual control of a robot on and off."""
+"""
+Call the service that switches manual control on and off.
+
+Manual control is a mode of the robot.  The robot accepts velocities only in this mode.
+"""
 
 from __future__ import annotations
 
@@ -30,29 +34,42 @@ from std_srvs.srv import SetBool
 
 
 class ManualControlResponse:
-    """The response to one manual control request; wraps the future of the service call."""
+    """
+    The response to a request that switches manual control of a robot on or off.
+
+    The response may arrive later than this object is created.
+
+    :param future: the future of the service call
+    """
 
     def __init__(self, future: Any) -> None:
         self._future = future
 
     @property
     def done(self) -> bool:
-        """Whether the response has arrived."""
+        """Whether the response to the request for manual control has arrived."""
         return bool(self._future.done())
 
     @property
     def refusal(self) -> str | None:
-        """Return why the request was refused; None if it was accepted."""
+        """
+        Return why the robot refused the request for manual control.
+
+        Call this only after the response has arrived.
+
+        :returns: the reason, in words; None if the robot accepted the request
+        """
         response = self._future.result()
         return None if response.success else escaped(response.message) or 'no reason given'
 
 
 class ManualControlClient:
     """
-    Switches the manual control of one robot on and off.
+    Switches manual control, the mode in which a robot accepts velocities, on and off.
 
+    :param node: the node that calls the service
     :param service: the name of the service; None for a robot that needs no manual control
-    :param check: called while waiting; an exception from it ends the wait
+    :param check: called repeatedly while waiting; it may raise an exception to end the wait
     :param timeout: how long manual control stays on after a request [s]
     """
 
@@ -79,18 +96,18 @@ class ManualControlClient:
 
     @property
     def is_available(self) -> bool:
-        """Whether the service has a server; also true if the robot needs no manual control."""
+        """Whether the service for manual control is available; also True if it is not needed."""
         return self._client is None or bool(self._client.service_is_ready())
 
     def enable(self, timeout: float) -> None:
         """
-        Switch manual control on, and wait for the response.
+        Switch on manual control, the mode in which a robot accepts velocities.
 
-        The request is repeated, with increasing pauses.  The first response to any of the requests
-        counts.
+        Wait for the response of the robot.  If no response comes, repeat the request, with longer
+        and longer pauses.  The first response to any of these requests decides.
 
         :param timeout: how long to wait [s]
-        :raises RobotNotFoundError: if no response comes, or the robot refuses
+        :raises RobotNotFoundError: if no response comes in time, or the robot refuses
         """
         end = time.monotonic() + timeout
         responses: list[ManualControlResponse] = []
@@ -112,10 +129,10 @@ class ManualControlClient:
 
     def request(self, enabled: bool) -> ManualControlResponse:
         """
-        Send a request, and return without waiting for the response.
+        Request to switch manual control on or off, and do not wait for the response.
 
-        :param enabled: whether to switch manual control on or off
-        :returns: the response, which arrives later
+        :param enabled: True to switch manual control on, False to switch it off
+        :returns: an object that shows whether the response has arrived, and what it is
         """
         assert self._client is not None
         self.was_requested = True
@@ -124,9 +141,12 @@ class ManualControlClient:
 
     def state(self, now: float) -> str:
         """
-        Describe the state of manual control: not needed, off, or the age of the newest request.
+        Return a text about manual control, for diagnostics.
 
-        :param now: the time [s on the steady clock]
+        The text says that manual control is not needed, that it is off, or how long ago it was
+        requested.
+
+        :param now: the current time [s on the steady clock]
         """
         if not self.is_needed:
             return 'not needed'
@@ -137,10 +157,10 @@ class ManualControlClient:
 
     def release(self, timeout: float) -> bool:
         """
-        Switch manual control off.
+        Switch manual control off, and wait for the response of the robot.
 
         :param timeout: how long to wait for the response [s]
-        :returns: whether the response came
+        :returns: whether the response came in time
         """
         response = self.request(False)
         return wait_until(lambda: response.done, timeout)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""ROS names: the topics and service of a robot, the topics of the node, and checks of names."""
+"""The names of the topics and services of a robot and of the node, and checks of such names."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ _NAMESPACE = re.compile('(/+[A-Za-z_][A-Za-z0-9_]*)*/*')
 @dataclass(frozen=True)
 class RobotNames:
     """
-    The absolute ROS names of one robot, before remapping.
+    The full names of the topics and the service of one robot, before remapping.
 
     :param velocity: the topic on which the robot receives velocities
-    :param odometry: the topic of the odometry; None if the robot has no odometry
-    :param manual_control: the service that switches manual control on and off; None if it is not
-        used
+    :param odometry: the topic of the robot's odometry; None if the robot has no odometry
+    :param manual_control: the service that switches manual control, the mode in which the robot
+        accepts velocities, on and off; None if this service is not used
     """
 
     velocity: str
@@ -54,11 +54,12 @@ class RobotNames:
 
 def names_of(profile: RobotProfile, namespace: str, manual_control: bool) -> RobotNames:
     """
-    Return the absolute ROS names of a robot.
+    Return the full names of the topics and the service of one robot, before remapping.
 
-    :param profile: the kind of robot
+    :param profile: the description of the kind of robot
     :param namespace: the ROS namespace of this robot
-    :param manual_control: whether to use the manual control of the robot, if it has one
+    :param manual_control: whether to use the service for manual control, if this kind of robot has
+        one
     :raises UsageError: if the namespace is invalid or too long
     """
     longest = max(len(name) for name in (
@@ -77,12 +78,13 @@ def names_of(profile: RobotProfile, namespace: str, manual_control: bool) -> Rob
 
 def require_length(text: str, name: str, longest: int, what: str = 'name') -> None:
     """
-    Check the length of a ROS name.
+    Check that a ROS name is not too long.
 
-    :param text: the start of the error message, which contains the name
+    :param text: the beginning of the error message; it contains the name
     :param name: the name to check
     :param longest: the largest number of characters that ROS accepts
-    :param what: the word for the name in the advice ``take a shorter ...``
+    :param what: what the user can make shorter, for example ``name``; the error message ends with
+        ``take a shorter name``
     :raises UsageError: if the name is too long
     """
     if len(name) > longest:
@@ -93,10 +95,10 @@ def require_length(text: str, name: str, longest: int, what: str = 'name') -> No
 
 def require_namespace(namespace: str, what: str, longest: int) -> None:
     """
-    Check that ROS accepts a namespace.
+    Check that a ROS namespace is valid and not too long.
 
     :param namespace: the namespace to check
-    :param what: the word for the namespace in the error message
+    :param what: how the error message calls the namespace, for example ``robot_namespace``
     :param longest: the largest number of characters, including the first slash
     :raises UsageError: if the namespace is invalid or too long
     """

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The parameters of the node, and their values on a command line; this module needs no ROS."""
+"""
+The ROS parameters of the node, with their defaults, descriptions and ranges.
+
+This module also reads and checks parameters on a command line.  It does not need ROS.
+"""
 
 from __future__ import annotations
 
@@ -43,10 +47,10 @@ def _parameter(
 @dataclass(frozen=True)
 class NodeParameters:
     """
-    The values of the node's parameters at its start.
+    The values of the node's ROS parameters when the node starts.
 
-    All parameters except ``speed_factor`` are read-only.  So the parameters of a plan do not
-    change while the plan runs.
+    All parameters except ``speed_factor`` are read-only.  So they do not change while the robot
+    drives.
     """
 
     robot: str = _parameter(
@@ -87,11 +91,12 @@ class NodeParameters:
 
 def parameter_arguments(arguments: Sequence[str]) -> dict[str, str]:
     """
-    Return the parameters of this node that are set on the command line.
+    Return the parameters of this node that the command line sets with ``-p NAME:=VALUE``.
 
-    :param arguments: the ROS arguments, from ``--ros-args`` on
-    :returns: the values as written, by parameter name
-    :raises UsageError: if a parameter is unknown; ROS itself ignores unknown parameters
+    :param arguments: the ROS arguments of the command line, from ``--ros-args`` on
+    :returns: the value of each parameter, as the text that the user wrote, by parameter name
+    :raises UsageError: if the node has no parameter of this name; ROS itself would ignore such a
+        parameter
     """
     own = [parameter.name for parameter in fields(NodeParameters)]
     known = [*own, *ROS_PARAMETERS]
@@ -114,14 +119,15 @@ def _assignments(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 def require_parameters_only(option: str, arguments: Sequence[str]) -> None:
     """
-    Refuse ROS arguments that have no effect together with an option that only shows a plan.
+    Refuse all ROS arguments except ``-p NAME:=VALUE``, together with an option that shows a plan.
 
-    Such an option does not start ROS.  It accepts only ``-p NAME:=VALUE``.
+    Such an option only shows the plan of a motion and does not start ROS.  So other ROS arguments
+    would have no effect.
 
     :param option: the name of the option, for the error message
-    :param arguments: the ROS arguments, from ``--ros-args`` on
-    :raises UsageError: if an argument is not ``-p NAME:=VALUE``, or sets ``speed_factor``, because
-        a plan is always shown at full speed
+    :param arguments: the ROS arguments of the command line, from ``--ros-args`` on
+    :raises UsageError: if there is another argument, or if ``speed_factor`` is set: a plan is
+        always shown at full speed
     """
     if 'speed_factor' in dict(_assignments(arguments)):
         raise UsageError(f'{option} shows a plan at full speed: leave out speed_factor')

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Receives the odometry of a robot."""
+"""Receive the odometry of a robot in a separate thread."""
 
 from __future__ import annotations
 
@@ -34,14 +34,16 @@ from rclpy.subscription import Subscription
 
 class OdometryReader:
     """
-    Receives odometry in its own thread, which needs little CPU time for each message.
+    Receives the odometry of a robot in a separate thread, with little CPU time for each message.
 
-    After each message, an rclpy executor builds a new wait set with all entities of the node.  It
-    also converts all 72 covariance values.  This thread waits for one subscription only, and reads
-    only the needed values from the serialized message.
+    The reason: for each message, an executor of rclpy would build a new wait set with all entities
+    of the node, and convert all 72 covariance values.  The thread of this class waits for one
+    subscription only, and reads only the needed values from the serialized message.
 
-    :param subscription: the subscription, in its own callback group
-    :param on_frame: called with the frame of the poses, before the first pose in this frame
+    :param node: the node that has the subscription
+    :param subscription: the subscription to odometry, in a callback group of its own
+    :param on_frame: called with the name of the frame of the poses, before the first pose in this
+        frame
     """
 
     def __init__(
@@ -57,19 +59,23 @@ class OdometryReader:
             self, on_odometry: Callable[[float, Pose, Velocity, bool], None],
             on_error: Callable[[BaseException], None]) -> None:
         """
-        Start the thread.
+        Start the thread that receives odometry.
 
-        :param on_odometry: called for each message, with the time of arrival [s on the steady
-            clock], the pose, the velocity, and whether the message is new: its stamp is later than
-            the stamp of the previous message, or is not set
-        :param on_error: called in the thread with an exception that ``on_odometry`` or
-            ``on_frame`` raised
+        :param on_odometry: called in this thread for each message, with the time of arrival [s on
+            the steady clock], the pose, the velocity, and whether the message is new.  It is new
+            if its time stamp is later than the stamp of the previous message, or is not set
+        :param on_error: called in this thread with each exception that ``on_odometry`` or
+            ``on_frame`` raises
         """
         self._on_odometry, self._on_error = on_odometry, on_error
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread, and wait for its end unless it is the calling thread."""
+        """
+        End the thread that receives odometry, and wait until it has ended.
+
+        Wait at most 2 s, and do not wait if this thread itself calls the method.
+        """
         if self._thread.is_alive():
             self._executor.stop()
             if threading.current_thread() is not self._thread:
@@ -94,10 +100,13 @@ def subscribe_to_odometry(
     """
     Subscribe to odometry, unless the robot has no odometry or nav_msgs is not installed.
 
+    :param node: the node that gets the subscription
     :param names: the names of the robot's topics and services, before remapping
-    :param on_frame: called with the frame of the poses, before the first pose in this frame
-    :returns: the reader, which is not started yet; None without a subscription
-    :raises UsageError: if a parameter requests an invalid quality of service
+    :param on_frame: called with the name of the frame of the poses, before the first pose in this
+        frame
+    :returns: the object that receives odometry after its method ``start`` is called; None if there
+        is no subscription
+    :raises UsageError: if a ROS parameter sets an invalid QoS
     """
     topic = names.odometry
     if topic is None:

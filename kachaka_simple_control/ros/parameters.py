@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The parameters of the node, and the first event of a session."""
+"""Declare the node's ROS parameters, and create the first event for displays and recordings."""
 
 from __future__ import annotations
 
@@ -38,13 +38,16 @@ from rclpy.utilities import get_rmw_implementation_identifier
 def declare_parameters(
         node: Node, defaults: Mapping[str, Any]) -> tuple[RobotProfile, NodeParameters]:
     """
-    Declare the parameters on a node, and read their values.
+    Declare the ROS parameters of the node, and read their values.
 
-    The profile of the robot sets some defaults and ranges.
+    The profile, a description of the kind of robot, determines the default of ``robot_namespace``
+    and the range of ``rate``.
 
+    :param node: the node that gets the parameters
     :param defaults: default values that replace the usual defaults, by parameter name
     :returns: the profile of the robot, and the values of the parameters
-    :raises UsageError: if a value has the wrong type or is out of range, or the robot is unknown
+    :raises UsageError: if a value has the wrong type or is out of range, or the kind of robot is
+        unknown
     """
     robot, *others = fields(NodeParameters)
     name = str(_declare(node, robot, defaults.get('robot', robot.default), None))
@@ -93,13 +96,16 @@ def session_started(
         node: Node, title: str, profile: RobotProfile, names: RobotNames,
         parameters: NodeParameters, **about: Any) -> SessionStarted:
     """
-    Return the first event of a session: the robot, its limits, topics, settings and versions.
+    Return the event that describes the robot, its limits and topics, the settings and versions.
 
+    This is the first event that displays and recordings of a node receive.
+
+    :param node: the node that drives the robot
     :param title: the name of the motion, for displays and reports
-    :param profile: the kind of robot
+    :param profile: the description of the kind of robot
     :param names: the names of the robot's topics and services, before remapping
-    :param parameters: the parameters of the node
-    :param about: further fields of the event, set by the command
+    :param parameters: the values of the node's ROS parameters
+    :param about: more fields of the event, by name
     """
     return SessionStarted(
         title=title,

@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The claim on a robot: only one program may drive it, and only one may be its bridge."""
+"""
+The claim on a robot: a program takes it, so that no second program drives the same robot.
+
+There is a second kind of claim for bridges, the programs that connect a robot with ROS: a robot
+has only one bridge.
+"""
 
 from __future__ import annotations
 
@@ -57,18 +62,21 @@ TAKEN = {
 
 class RobotClaim:
     """
-    The claim of one program on one robot, on this machine and between machines.
+    The claim of one program on one robot: no second program may then drive this robot.
 
-    On one machine the kernel decides which program gets the claim.  Between machines, programs
-    publish their claims on a topic next to the velocity topic.  Discovery takes time, so two
-    programs may hold the claim for a moment.  Each of them reports the conflict as soon as it
-    receives the claim of the other program.
+    The claim is valid on this machine and between machines.  On one machine the kernel decides
+    which program gets the claim.  Between machines, each program publishes its claim on a topic
+    that belongs to the robot.  Discovery takes time, so two programs on different machines may
+    hold the claim for a moment.  Each of them reports the conflict as soon as it receives the
+    claim of the other program.
 
-    :param node: the node that claims the robot; its executor serves the claim topic
+    :param node: the node that claims the robot; its executor serves the topic of the claims
     :param topic: the velocity topic of the robot, after remapping
-    :param role: the claimed role: ``driver`` or ``bridge``
-    :param on_conflict: called in the executor's thread with a description of the other program
-        that holds the claim, for each message of that program
+    :param role: ``driver`` to be the only program that drives the robot, or ``bridge`` to be the
+        only program that connects the robot with ROS
+    :param on_conflict: called if another program holds the claim at the same time, with a text
+        that describes the other program; called in the executor's thread, for each message of the
+        other program
     """
 
     def __init__(
@@ -83,18 +91,26 @@ class RobotClaim:
             node, _claim_topic(topic, role), on_conflict)
 
     def fileno(self) -> int:
-        """Return the file descriptor that keeps the claim; a child process may inherit it."""
+        """
+        Return the file descriptor of the socket that stands for the claim on the robot.
+
+        After the claim was taken, no other program on this machine can claim the robot as long as
+        any process has this socket open.  So a child process that inherits the descriptor keeps
+        the claim, even after this program has ended.
+        """
         return self._machine.fileno()
 
     def take(self, check: Callable[[], None]) -> None:
         """
-        Take the claim on this machine, and request it on the network.
+        Take the claim on the robot on this machine, and request the claim on other machines.
 
-        Do nothing if this object holds the claim already.  Call ``hold`` or ``withdraw`` next.
+        The claim means that no other program may drive the robot.  If this object already has the
+        claim, only check that no other program has it as well.  After this method, call ``hold``
+        to keep the claim, or ``withdraw`` to cancel the request.
 
-        :param check: called while waiting; an exception from it ends the wait
-        :raises RobotTakenError: if another program or another node of this program holds the
-            claim; the message describes the holder
+        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :raises RobotTakenError: if another program, or another node of this program, has the
+            claim; the message says who has it
         """
         who = f'{self._node_name} (process {os.getpid()}'
         since = f'since {time.strftime("%H:%M:%S")})'
@@ -110,26 +126,32 @@ class RobotClaim:
                 raise self._taken(blocker)
 
     def hold(self) -> None:
-        """Publish that this program holds the claim from now on."""
+        """Tell programs on other machines that this program now has the claim on the robot."""
         if self._network is not None:
             self._network.hold()
 
     def withdraw(self) -> None:
-        """Cancel the request for the claim on the network; do not release a claim that is held."""
+        """
+        Tell programs on other machines that this program no longer wants the claim on the robot.
+
+        Do nothing if this program has already told them that it has the claim.  The claim on this
+        machine is kept in both cases.
+        """
         if self._network is not None:
             self._network.withdraw()
 
     def require(self) -> None:
         """
-        Check that no other program holds the claim.
+        Check that no other program has published that it has the claim on the robot.
 
-        :raises RobotTakenError: if another program holds it
+        :raises RobotTakenError: if another program has published this; the message says which
+            program
         """
         if self._network is not None and (holder := self._network.holder()) is not None:
             raise self._taken(holder)
 
     def release(self) -> None:
-        """Release the claim; this object cannot take it again."""
+        """Give up the claim on the robot; this object cannot take the claim again."""
         if self._network is not None:
             self._network.release()
         self._machine.release()
@@ -147,7 +169,16 @@ def _claim_topic(velocity_topic: str, role: str) -> str:
 
 
 class _NetworkClaim:
-    """The network part of a claim: it publishes the claim, and receives the claims of others."""
+    """
+    Publishes the claim of this program on a robot, and receives the claims of other programs.
+
+    A claim on a robot says that no other program may drive the robot, also on other machines.
+
+    :param node: the node that gets the publisher and the subscription
+    :param topic: the topic of the claims on this robot
+    :param on_conflict: called with a text that describes another program, if that program and this
+        program hold the claim at the same time
+    """
 
     def __init__(self, node: Node, topic: str, on_conflict: Callable[[str], None]) -> None:
         self._joined = time.monotonic()
@@ -172,12 +203,12 @@ class _NetworkClaim:
 
     def take(self, who: str, check: Callable[[], None]) -> str | None:
         """
-        Publish that this program wants the claim, and wait until it is clear who gets the claim.
+        Request the claim on the robot from other programs, and wait until it is clear who gets it.
 
-        :param who: the description of this program
-        :param check: called while waiting; an exception from it ends the wait
-        :returns: the description of the program that gets or has the claim; None if this program
-            gets it
+        :param who: a text that describes this program
+        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :returns: None if this program gets the claim; otherwise a text that describes the program
+            that gets the claim or has it already
         """
         if self._state == HELD:
             return self.holder()
@@ -211,16 +242,21 @@ class _NetworkClaim:
             self._set_state(RELEASED)
 
     def holder(self) -> str | None:
-        """Return a description of the other program that holds the claim; None if none does."""
+        """
+        Return a description of another program that has the claim on the robot.
+
+        :returns: the description; None if no other program has the claim
+        """
         claim = self._claims.holder(time.monotonic())
         return None if claim is None else claim.who
 
     def release(self) -> None:
         """
-        Release the claim.
+        Tell other programs that this program no longer has the claim on the robot.
 
-        If another program held the claim at the same time, first wait until that program has
-        received our claim.
+        If this program has found that another program had the claim at the same time, first wait
+        until 3 s after that (CLAIM_CONFLICT_TIME), so that the other program also finds the
+        conflict.
         """
         if self._conflict_found is not None:
             time.sleep(max(0.0, self._conflict_found + CLAIM_CONFLICT_TIME - time.monotonic()))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The connection with one robot: get control of the robot for a drive, and release it."""
+"""Get control of a robot before this program drives it, and give up control at the end."""
 
 from __future__ import annotations
 
@@ -57,14 +57,16 @@ Check = Callable[[], None]
 @dataclass
 class RobotConnection:
     """
-    Gets control of a robot for a drive, and releases the robot.
+    Gets control of a robot for a drive, and releases the robot at the end.
 
-    The steps are: find the robot, claim it for this program, check that nobody else drives it,
-    enable manual control, open the velocity gate, send zero velocities.
+    The steps are: find the robot; claim the robot, so that no other program may drive it; check
+    that nobody else drives the robot; switch on manual control, the mode in which the robot
+    accepts velocities; open the velocity gate, through which all velocities are sent; send zero
+    velocities for some time, so that no message of the motion is lost.
 
-    :param odometry_topic: the odometry topic; None if odometry is not checked
+    :param odometry_topic: the odometry topic of the robot; None if odometry is not checked
     :param odometry: detects from odometry whether the robot moves
-    :param is_taken: whether all these steps were done; False again after a drive that ended early
+    :param is_taken: whether all steps above were done; False again after a drive that ended early
     """
 
     node: Node
@@ -84,9 +86,13 @@ class RobotConnection:
 
     def take(self, check: Check) -> None:
         """
-        Connect with the robot and enable manual control, unless both are done already.
+        Get control of the robot, unless this program has it already.
 
-        :param check: called while waiting; an exception that it raises ends the wait
+        For this, connect with the robot, and switch on manual control, the mode in which the robot
+        accepts velocities.  If this program already has control, only renew manual control, and
+        only if it was last requested 20 s ago or earlier.
+
+        :param check: called repeatedly while waiting; it may raise an exception to end the wait
         :raises ControlError: if this program cannot get control of the robot
         """
         self.executor.ensure_spinning()
@@ -97,7 +103,12 @@ class RobotConnection:
             self._enable_manual_control()
 
     def release(self) -> None:
-        """Disable manual control, unless another program drives the robot by now."""
+        """
+        Switch off manual control, the mode in which the robot accepts velocities.
+
+        Do nothing if this node has never requested manual control, if the ROS parameter
+        ``release_manual_control`` is false, or if another program now drives the robot.
+        """
         wanted = self.parameters.release_manual_control and self.manual_control.was_requested
         if not (wanted and self.node.context.ok()):
             return
@@ -139,11 +150,12 @@ class RobotConnection:
         """
         Check with odometry that the robot is at rest before this program drives it.
 
-        If the robot moves now, another program drives it, or somebody pushes it.  Discovery may
-        find the publisher of the other program some seconds later than the robot.  Without
-        odometry nothing is checked.
+        If the robot moves now, another program drives it, or somebody pushes it.  The publisher of
+        another program may be discovered some seconds later than the robot, so it may still be
+        unknown.  If no odometry arrives, nothing is checked.
 
-        :raises RobotTakenError: if odometry shows motion for REST_TIMEOUT
+        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :raises RobotTakenError: if odometry shows motion for REST_TIMEOUT (1 s)
         """
         topic, began = self.odometry_topic, time.monotonic()
         if topic is None:
@@ -170,10 +182,15 @@ class RobotConnection:
 
     def _prime(self, check: Check) -> None:
         """
-        Send zero velocities for the time ``prime_time`` (a parameter) before the first motion.
+        Send zero velocities for some time before the first motion.
 
-        The reason: the robot's reader matches later than our writer, and messages that are sent
-        before it has matched are lost.
+        The reason: the robot discovers our publisher later than our publisher discovers the robot,
+        and the first messages may be lost.  So they must not be part of the motion.  The ROS
+        parameter ``prime_time`` sets the length of this time.  The guardian, a separate process
+        that stops the robot if this program cannot, also sends zero velocities.
+
+        :param check: called repeatedly in this time; it may raise an exception to end it
+        :raises RunFaultError: if the guardian does not send its zero velocities
         """
         end, count = time.monotonic() + self.parameters.prime_time, self.guardian.prime_count
         while time.monotonic() < end:
@@ -197,16 +214,21 @@ def start_guardian(
         node: Node, publisher: VelocityPublisher, profile: RobotProfile,
         parameters: NodeParameters, claim: int) -> Guardian | NullGuardian:
     """
-    Make the guardian guard a robot, unless the parameter ``guardian`` is false.
+    Let the guardian watch a robot, unless the ROS parameter ``guardian`` is false.
 
-    The guardian is a separate process, which stops the robot if this program cannot.  One process
-    guards all robots of a ROS context; the first robot starts the process.
+    The guardian is a separate process that stops the robot if this program cannot.  One process
+    watches all robots of a ROS context.  It is started for the first robot.
 
-    :param claim: the file descriptor of the claim on the robot; the guardian keeps it open while
-        it guards the robot
-    :returns: the guardian of the robot, or a NullGuardian
-    :raises UsageError: if the process guards too many robots already
-    :raises RunFaultError: if the process could not start
+    :param node: the node that drives the robot
+    :param publisher: the publisher of velocities of this node
+    :param profile: the description of the kind of robot
+    :param parameters: the values of the node's ROS parameters
+    :param claim: the file descriptor of the claim on the robot, which prevents other programs from
+        driving the robot; the guardian keeps it open while it watches the robot
+    :returns: the interface to the guardian for this robot; a NullGuardian, which does almost
+        nothing, if there is no guardian
+    :raises UsageError: if the guardian already watches the largest possible number of robots
+    :raises RunFaultError: if the process could not be started
     """
     if not parameters.guardian:
         return NullGuardian()
@@ -228,12 +250,16 @@ def start_guardian(
 def wait_for_rest(
         feedback: PoseFeedback, odometry: StandstillDetector, name: str, check: Check) -> None:
     """
-    Wait until odometry shows the robot at rest, before a closed loop begins.
+    Wait until odometry shows the robot at rest, before a motion with a closed loop begins.
 
-    :param name: the name of the odometry in error messages
-    :param check: called while waiting; an exception that it raises ends the wait
-    :raises MotionRefusedError: if after FEEDBACK_START_TIMEOUT odometry still shows motion, its
-        time stamps do not change, or no odometry has arrived
+    A closed loop corrects the velocities with the poses from odometry.
+
+    :param feedback: the closed loop, which receives the poses
+    :param odometry: detects from odometry whether the robot moves
+    :param name: how error messages call the odometry
+    :param check: called repeatedly while waiting; it may raise an exception to end the wait
+    :raises MotionRefusedError: if after FEEDBACK_START_TIMEOUT (3 s) odometry still shows motion,
+        its time stamps do not change, or no odometry has arrived
     """
     def is_at_rest() -> bool:
         check()

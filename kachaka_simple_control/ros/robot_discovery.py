@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Find the robot in the ROS graph, and check that it is the only one and was not replaced."""
+"""Find the robot in the ROS graph; check that there is only one, and that it is not replaced."""
 
 from __future__ import annotations
 
@@ -33,17 +33,19 @@ HINT = ('. Is its bridge running, in the same ROS_DOMAIN_ID? Compare the name wi
 
 class RobotDiscovery:
     """
-    Checks the subscribers of velocities and the publishers of odometry in the ROS graph.
+    Finds the robot in the ROS graph by its subscription to velocities and its odometry.
 
     A robot is one DDS participant that publishes odometry.  If a robot has no odometry, only its
     subscription to the velocities identifies it.
 
-    :param node: the node whose graph is read
+    :param node: the node that reads the ROS graph
     :param names: the names of the robot's topics and services, before remapping
-    :param publisher: the publisher of velocities
-    :param manual_control: the client whose service must be available if the robot needs it
-    :param guardian: the guardian of the robot; its publisher counts as a publisher of this
-        program, and must be matched before a run
+    :param publisher: the publisher of velocities of this node
+    :param manual_control: the client of the service that makes the robot accept velocities; this
+        service must be available if the robot needs it
+    :param guardian: the guardian, a separate process that stops the robot if this program cannot.
+        Its publisher counts as a publisher of this program, and must discover the robot before a
+        motion begins
     """
 
     def __init__(
@@ -63,40 +65,44 @@ class RobotDiscovery:
 
     @property
     def is_subscribed(self) -> bool:
-        """Whether our velocity publisher has a matched subscription."""
+        """Whether at least one subscription matches the velocity publisher of this node."""
         return self.subscriber_count > 0
 
     @property
     def subscriber_count(self) -> int:
-        """Return the number of matched subscriptions of our velocity publisher."""
+        """Return the number of subscriptions that match the velocity publisher of this node."""
         return int(self._publisher.get_subscription_count())
 
     def require_participant(self, participant: Callable[[], bytes | None]) -> None:
         """
-        Accept only the robot with a given DDS participant.
+        Accept only a robot that has a given DDS participant.
 
-        :param participant: returns the participant; None while it is not known
+        :param participant: returns the identifier of this DDS participant; None while it is not
+            known, and then no robot is accepted
         """
         self._required_participant = participant
 
     def wait_for_robot(self, timeout: float, check: Callable[[], None]) -> None:
         """
-        Wait until a robot can be driven.
+        Wait until a robot is found in the ROS graph and can be driven.
 
         :param timeout: how long to wait [s]
-        :param check: called while waiting; an exception from it ends the wait
-        :raises RobotNotFoundError: after the timeout; the message says what is missing
+        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :raises RobotNotFoundError: if no robot can be driven after the timeout; the message says
+            what is missing
         """
         if not wait_until(lambda: not self._problem(), timeout, check):
             raise RobotNotFoundError(self._not_found(timeout))
 
     def wait_for_guardian(self, timeout: float, check: Callable[[], None]) -> None:
         """
-        Wait until the robot can be driven and the guardian's publisher is matched.
+        Wait until the robot can be driven, and the guardian's publisher has discovered the robot.
+
+        The guardian is a separate process that stops the robot if this program cannot.
 
         :param timeout: how long to wait [s]
-        :param check: called while waiting; an exception from it ends the wait
-        :raises RobotNotFoundError: after the timeout
+        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :raises RobotNotFoundError: if this takes longer than the timeout
         """
         if not wait_until(
                 lambda: self._guardian.is_matched and not self._problem(), timeout, check):
@@ -107,25 +113,26 @@ class RobotDiscovery:
 
     def check_subscribed(self) -> None:
         """
-        Check that the robot still subscribes to the velocities.
+        Check that the robot still subscribes to the velocities of this node.
 
-        :raises RunFaultError: if there is no subscription
+        :raises RunFaultError: if no subscription matches the publisher of this node
         """
         if not self.is_subscribed:
             raise self._subscriber_left()
 
     def has_changed(self) -> bool:
         """
-        Return whether the number of publishers or subscribers has changed since the last call.
+        Return whether any count of publishers or subscribers has changed since the last call.
 
-        This does not detect a robot that was replaced by another robot between two calls.
+        There are three counts: of velocity publishers, velocity subscribers and odometry
+        publishers.  They do not show a robot that was replaced by another robot between two calls.
         """
         before, self._counts = self._counts, self._endpoint_counts()
         return self._counts != before
 
     def remember_robot(self) -> None:
         """
-        Remember the DDS participants of the robot, for ``check_identity``.
+        Store the DDS participants of the robot, so that ``check_identity`` can compare them later.
 
         These are the subscribers of velocities that also publish odometry.  If no subscriber
         publishes odometry, these are all subscribers of velocities.
@@ -135,9 +142,10 @@ class RobotDiscovery:
 
     def check_identity(self) -> None:
         """
-        Check that the robot is still the robot that ``remember_robot`` found.
+        Check that the robot is still the one whose DDS participant ``remember_robot`` has stored.
 
-        :raises RunFaultError: if the robot was replaced by another robot, or has left
+        :raises RunFaultError: if the robot was replaced by another robot, or has left the ROS
+            graph
         """
         subscribers = self._subscribers()
         if not subscribers:
@@ -148,15 +156,15 @@ class RobotDiscovery:
 
     def check_exclusive(self) -> None:
         """
-        Check that there is not more than one robot.
+        Check that not more than one robot publishes odometry on the odometry topic.
 
-        :raises RunFaultError: if discovery has found more than one publisher of odometry
+        :raises RunFaultError: if there is more than one publisher of odometry
         """
         if (count := len(self._odometry_publishers())) > 1:
             raise RunFaultError(self._several_robots(count))
 
     def other_publishers(self) -> list[str]:
-        """Return the node names of velocity publishers that belong to other programs."""
+        """Return the names of the nodes of other programs that have a publisher of velocities."""
         infos = self._node.get_publishers_info_by_topic(self._publisher.topic_name)
         return [escaped(info.node_name, 60)
                 for info, participant in zip(infos, participants(infos))
@@ -182,7 +190,7 @@ class RobotDiscovery:
             if self._odometry_topic else [])
 
     def _problem(self) -> str:
-        """Return why no robot can be driven; empty if a robot can be driven."""
+        """Return a text that says why no robot can be driven; empty if a robot can be driven."""
         return self._robot_problem() if self.is_subscribed else self._subscriber_problem()
 
     def _robot_problem(self) -> str:
@@ -203,7 +211,7 @@ class RobotDiscovery:
         return ''
 
     def _subscriber_problem(self) -> str:
-        """Return why no subscription matches our velocity publisher."""
+        """Return a text that says why no subscription matches this node's velocity publisher."""
         own_type = self._publisher.msg_type.__name__
         topic = self._publisher.topic_name
         infos = self._node.get_subscriptions_info_by_topic(topic)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A session with one robot: connect to it, drive it, stop it and release it."""
+"""The connection of a node with one robot: get control of it, drive it, stop it and release it."""
 
 from __future__ import annotations
 
@@ -64,19 +64,20 @@ from rclpy.node import Node
 
 class Session:
     """
-    Connects a node with a robot and drives it.
+    The connection of a node with one robot: it drives the robot, and stops the robot.
 
-    The session stops the robot at the end of each drive, after an error, and when it is closed.
-    Plans run in the thread that calls ``drive``, one at a time.  ``stop``, ``stop_permanently``
-    and ``close`` may be called from any thread.
+    The robot is stopped at the end of each drive, after an error, and when the connection is
+    closed.  A motion is planned and driven in the thread that calls ``drive``, one motion at a
+    time.  Any thread may call ``stop``, ``stop_permanently`` and ``close``.
 
-    :param node: the node that publishes
-    :param publisher: the node's publisher of velocities; only the velocity gate uses it
-    :param profile: the kind of robot
-    :param names: the ROS names of this robot
-    :param parameters: the node's parameters
-    :param publish: puts an event into a queue, and returns at once
-    :param reader: receives odometry; None without odometry
+    :param node: the node that publishes the velocities
+    :param publisher: the publisher of velocities of this node; only the velocity gate, which
+        checks each velocity, sends with it
+    :param profile: the description of the kind of robot
+    :param names: the names of the robot's topics and services, before remapping
+    :param parameters: the values of the node's ROS parameters
+    :param publish: puts an event into a queue, for displays and recordings, and returns at once
+    :param reader: receives odometry; None if there is no odometry
     """
 
     def __init__(
@@ -154,14 +155,12 @@ class Session:
 
     def request(self, elsewhere: bool = False) -> DriveRequest:
         """
-        Request a drive.
+        Request a drive, so that from now on a stop ends this drive, even if it has not begun yet.
 
-        After this call a stop ends the drive, even if the drive has not begun yet.
-
-        :param elsewhere: whether another thread will drive, and not the calling thread
-        :returns: the request, for ``drive``
-        :raises ControlError: if another drive is under way, no motion may start again, or the
-            calling thread must not drive
+        :param elsewhere: whether another thread than the calling thread will drive
+        :returns: the request, which is passed to ``drive``
+        :raises ControlError: if another drive is under way, if no motion may start any more, or if
+            the calling thread runs a callback of the node and so cannot drive
         """
         if self._stopped_by is not None:
             raise type(self._stopped_by)(
@@ -175,14 +174,15 @@ class Session:
 
     def drive(self, order: DriveOrder, request: DriveRequest | None = None) -> Plan:
         """
-        Plan and drive a motion, and leave the robot at rest.
+        Plan a motion, drive the robot through it, and leave the robot at rest.
 
-        :param order: the motion, with the limits and the rate of its plan
-        :param request: the request that ``request`` returned; None to make a new request
+        :param order: the motion, the limits of velocity and acceleration, and how often a velocity
+            is sent
+        :param request: the return value of the method ``request``; None to call ``request`` now
         :returns: the plan, which was driven to its end
-        :raises InvalidMotionError: if the robot cannot do the motion; the robot has not moved
-        :raises ControlError: if this program could not get control of the robot, or the run ended
-            early
+        :raises InvalidMotionError: if the robot cannot do the motion; the robot has not moved then
+        :raises ControlError: if this program could not get control of the robot, or if the drive
+            ended before the end of the plan
         """
         request = request or self.request()
         is_complete = False
@@ -214,7 +214,16 @@ class Session:
         return plan
 
     def _prepare(self, order: DriveOrder, plan: Plan, request: DriveRequest) -> None:
-        """Get control of the robot, and prepare the parts of the session for a run."""
+        """
+        Get control of the robot, and prepare the checks and corrections for a drive.
+
+        Also log whether the robot will drive slower than planned, or is paused at the start.
+
+        :param order: the motion and its limits
+        :param plan: the plan of the motion
+        :param request: the request for this drive, which says whether the drive was stopped
+            meanwhile
+        """
         self._request, self._has_reported = request, False
         self._require_not_stopped()
         self._connection.take(self._require_wanted)
@@ -233,7 +242,14 @@ class Session:
                 f'Slower than planned: {self.speed_factor.describe()}')
 
     def _end_early(self, error: BaseException) -> BaseException:
-        """Stop the robot after an error in a drive, and return the error to raise."""
+        """
+        Stop the robot after an error in a drive, and return the error that the drive has to raise.
+
+        :param error: the error that has ended the drive
+        :returns: normally the same error.  But if the guardian, a separate process that stops the
+            robot if this program cannot, has stopped the robot, a RunFaultError with the reason of
+            the guardian
+        """
         self._connection.is_taken = False
         # A failure of this stop is not logged, because the error of the drive is raised.
         self._stopper.stop(errors.control_error(error))
@@ -252,11 +268,12 @@ class Session:
         """
         Stop the robot, and wait until the stop is complete.
 
-        This also ends a drive of another thread, even if it has not begun yet.  Nothing is sent if
-        this node has not got control of the robot yet, or the robot was stopped before.
+        A drive that is under way or was requested in another thread ends with an error.  No
+        message is sent if this node does not have control of the robot yet, or if the robot is
+        stopped already.
 
-        :param caller: the name of the caller, for the error that the other thread raises
-        :returns: a text that says what was done
+        :param caller: who stops the robot, for the text of the error that ends the drive
+        :returns: a text for the user that says what was done
         :raises RunFaultError: if the stop could not be sent, or odometry shows that the robot
             still moves
         """
@@ -282,9 +299,10 @@ class Session:
 
     def stop_permanently(self, reason: errors.ControlError) -> None:
         """
-        Stop the robot, and refuse every later motion.
+        Stop the robot, and refuse every later motion of this node.
 
-        :param reason: the error that a later motion raises
+        :param reason: the error that each later motion raises; only the reason of the first call
+            counts
         """
         self._stopped_by = self._stopped_by or reason
         self._stopped.set()
@@ -292,7 +310,11 @@ class Session:
         self._stop(reason)
 
     def _log_once(self, failure: str) -> None:
-        """Log the failure of a stop, unless it was reported before; any thread may call this."""
+        """
+        Log that a stop has failed, unless this was reported before; any thread may call this.
+
+        :param failure: the text for the log
+        """
         with self._logging:
             has_reported, self._has_reported = self._has_reported, True
         if not has_reported:
@@ -303,10 +325,15 @@ class Session:
         """
         Process one odometry message.
 
+        Odometry shows whether the robot stands still, and whether somebody moved it during a
+        pause.  A closed loop also corrects the velocities with the poses, but only with new
+        messages.
+
         :param now: the time of arrival [s on the steady clock]
         :param pose: the pose of the robot
         :param velocity: the velocity of the robot
-        :param is_new: whether the stamp of the message is later than that of the previous message
+        :param is_new: whether the time stamp of this message is later than that of the previous
+            message
         """
         self.odometry.on_odometry(now, velocity)
         if self._feedback is not None and is_new:
@@ -315,10 +342,13 @@ class Session:
 
     def check_resume(self, even_if_moved: bool) -> None:
         """
-        Check that a paused run may continue; without a run, only check that motions are allowed.
+        Check that a paused motion may continue.
 
-        :param even_if_moved: whether the run may continue from the new pose if the robot was moved
-        :raises ControlError: if the run may not continue
+        If no motion is under way, only check that motions are allowed.
+
+        :param even_if_moved: whether the motion may continue from the place where the robot stands
+            now, if somebody moved the robot during the pause
+        :raises ControlError: if the motion may not continue
         """
         self._require_not_stopped()
         if not self._requests.is_busy or not self._connection.is_taken:
@@ -330,7 +360,11 @@ class Session:
             self._monitor.pause_pose.require_not_moved()
 
     def close(self) -> None:
-        """Stop the robot, release it and end the executor; after this nothing is sent."""
+        """
+        Stop the robot, release it, and end the threads that serve the node.
+
+        After this call nothing is sent to the robot, and every later motion is refused.
+        """
         with self._closing:
             if not self._is_closed:
                 self.stop_permanently(errors.MotionRefusedError('the node is closed'))
@@ -346,9 +380,12 @@ class Session:
 
     def serve_until_stopped(self) -> None:
         """
-        Serve the node's callbacks in a background thread, and wait for a permanent stop.
+        Run the node's callbacks in a background thread, and wait for ``stop_permanently``.
 
-        :raises ControlError: the reason of the permanent stop
+        A call of ``stop_permanently``, for example after a signal, stops the robot for good.
+
+        :raises ControlError: always, at the end; it is the error that says why the robot was
+            stopped for good
         """
         self._executor.ensure_spinning()
         # Do not serve them in this thread: if a signal interrupts rclpy while it creates a message
@@ -358,44 +395,60 @@ class Session:
 
     def require_robot(self, participant: Callable[[], bytes | None]) -> None:
         """
-        Accept only the robot that the command has started.
+        Accept only the robot that has a given DDS participant, and no other robot.
 
-        :param participant: returns the DDS participant of this robot; None while it is not known
+        A program that has started a simulated robot or a bridge uses this method, so that it
+        drives only this robot.
+
+        :param participant: returns the identifier of the DDS participant; None while it is not
+            known
         """
         self._discovery.require_participant(participant)
 
     @property
     def guardian_memory(self) -> tuple[int, int] | None:
         """
-        Return the file descriptor of the memory shared with the guardian, and the robot's slot.
+        Return where to find the data that this program shares with the guardian for this robot.
 
-        The slot is the number of the part of this memory that belongs to the robot.  The value is
-        None without a guardian.
+        The guardian is a separate process that stops the robot if this program cannot.  The two
+        values are the file descriptor of the shared memory, and the number of the part of this
+        memory that belongs to the robot.  Return None if there is no guardian.
         """
         return self._guardian.shared_memory
 
     @property
     def is_driving(self) -> bool:
-        """Whether a drive is under way; this includes a drive that waits for the robot."""
+        """Whether a drive was requested and is not over; it may still wait for the robot."""
         return self._requests.is_busy
 
     @property
     def has_subscriber(self) -> bool:
-        """Whether the publishers of this node and of its guardian have a subscriber."""
+        """
+        Whether the robot subscribes to the velocities of this node and to those of the guardian.
+
+        The guardian is a separate process that stops the robot if this program cannot.  If there
+        is no guardian, only the subscription to this node counts.
+        """
         return self._discovery.is_subscribed and self._guardian.is_matched
 
     @property
     def stop_confirmed_after(self) -> float | None:
         """
-        Return the time from the start of the last stop until odometry showed standstill [s].
+        Return how long after the start of the last stop odometry showed the robot at rest [s].
 
-        The value is None before the first stop, or if odometry does not show standstill.
+        Return None before the first stop, or if odometry does not show the robot at rest.
         """
         started, still = self._stopper.stop_started, self.odometry.still_since(time.monotonic())
         return None if started is None or still is None else max(0.0, still - started)
 
     def _begin_feedback(self, plan: Plan, limits: Limits) -> PoseFeedback:
-        """Wait until odometry shows the robot at rest, then start the closed loop for a plan."""
+        """
+        Wait until odometry shows the robot at rest, then start the closed loop for a plan.
+
+        :param plan: the plan whose velocities the closed loop corrects with poses from odometry
+        :param limits: the limits of velocity and acceleration for the corrected velocities
+        :returns: the closed loop
+        """
         assert self._feedback is not None
         wait_for_rest(
             self._feedback, self.odometry, f'odometry on {self._feedback_topic}',
@@ -404,7 +457,12 @@ class Session:
         return self._feedback
 
     def _is_still_moving(self) -> bool:
-        """Return whether a stop must continue, because the robot moves or odometry is lost."""
+        """
+        Return whether a stop has to send more zero velocities.
+
+        This is so if odometry shows that the robot moves, or if odometry no longer arrives.  It is
+        not so if another program now sends velocities to the robot.
+        """
         now = time.monotonic()
         # After a link failure, the kernel keeps messages for 3 s, including velocities.  They must
         # be gone before our publisher is destroyed: after that, a reader drops the zeros that
@@ -413,12 +471,21 @@ class Session:
         return needed and not self._foreign.has_recent(now)
 
     def _stop(self, reason: errors.ControlError) -> None:
-        """Stop the robot, and log an error if the stop fails or is unconfirmed."""
+        """
+        Stop the robot; log an error if the stop fails, or if odometry still shows motion after it.
+
+        :param reason: the error that ends a drive that is under way
+        """
         if (failure := self._stopper.stop(reason) or self._unconfirmed()) is not None:
             self._log_once(failure)
 
     def _unconfirmed(self) -> str | None:
-        """Return an error text if odometry still shows motion after a stop; None otherwise."""
+        """
+        Return an error text if odometry still shows motion after a stop; None if it does not.
+
+        Also return None if this node did not have control of the robot, or if another program now
+        sends velocities to the robot: this node did not cause the motion then.
+        """
         now = time.monotonic()
         # Before the gate is open, or while another program drives, motion is not our failure.
         is_ours = self.gate.state is GateState.OPEN and not self._foreign.has_recent(now)
@@ -428,7 +495,11 @@ class Session:
         return None
 
     def _require_wanted(self) -> None:
-        """Raise the error of a stop that came while the drive waited for the robot."""
+        """
+        Raise an error if a stop came while the drive still waited for the robot.
+
+        :raises ControlError: the error that says who or what has stopped the drive
+        """
         self._require_not_stopped()
         if self._request is not None and self._request.run.ended_by is not None:
             raise self._request.run.ended_by
@@ -456,7 +527,14 @@ class Session:
             f'another program drives the robot as well: {holder}; both stop'))
 
     def _end_run(self, reason: errors.ControlError) -> None:
-        """End the run with one zero velocity; the driving thread then sends the complete stop."""
+        """
+        End the drive that is under way, and send one zero velocity at once.
+
+        The thread that drives then raises the reason, and sends the other zero velocities of the
+        stop.  Do nothing if no drive is under way.
+
+        :param reason: the error that says why the drive ends
+        """
         # Without a drive this program moves nothing, and it must not disturb another program.
         if not self._requests.is_busy:
             return
@@ -472,7 +550,12 @@ class Session:
 
 
 def _text(error: BaseException) -> str:
-    """Return the text that says why a drive ended, for displays and logs."""
+    """
+    Return a text that says why a drive ended, for displays and logs.
+
+    :param error: the error that ended the drive.  If a signal was received, the text names the
+        signal instead
+    """
     if signal_dispatcher.signum is not None:
         return f'stopped by {signal.Signals(signal_dispatcher.signum).name}'
     return str(error) or type(error).__name__

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The state of a session for diagnostics, and the diagnosis with its level."""
+"""Read the state of the connection with a robot, and judge it for diagnostics."""
 
 from __future__ import annotations
 
@@ -34,14 +34,16 @@ ODOMETRY_WARN_AGE = 1.0
 @dataclass(frozen=True)
 class SessionStatus:
     """
-    The state of a session at one time.
+    The state of the connection with a robot at one time, for diagnostics.
 
     :param subscriber_count: the number of subscribers of the node's velocities
     :param other_publishers: the names of other nodes that publish velocities
-    :param guardian: a text with the state of the guardian
+    :param guardian: a text with the state of the guardian, a separate process that stops the robot
+        if this program cannot
     :param odometry_age: the age of the newest odometry [s]; None if none was received
-    :param manual_control: a text that says whether this node has switched manual control on
-    :param speed: a text with the speed factors that reduce the speed
+    :param manual_control: a text that says whether and when this node has switched on manual
+        control, the mode in which the robot accepts velocities
+    :param speed: a text that says why and how much the robot drives slower than planned
     :param stopped_by: why no motion can start again; None if motions can start
     """
 
@@ -56,8 +58,15 @@ class SessionStatus:
 
 class StatusReader:
     """
-    Reads the state of a session without changing it; any thread may call it.
+    Reads the state of the connection with a robot without changing it, for diagnostics.
 
+    Any thread may call the methods.
+
+    :param drive: drives the robot, and knows the progress of the newest motion
+    :param discovery: finds the robot and other programs in the ROS graph
+    :param guardian: the guardian, a separate process that stops the robot if this program cannot
+    :param odometry: receives odometry, and knows the age of the newest message
+    :param manual_control: the client that makes the robot accept velocities
     :param stopped_by: returns why no motion can start again; None if motions can start
     """
 
@@ -74,17 +83,17 @@ class StatusReader:
 
     @property
     def is_closed(self) -> bool:
-        """Whether the robot was released; after this nothing may be published."""
+        """Whether the connection with the robot is closed; if so, nothing may be published."""
         return self._drive.gate.state is GateState.CLOSED
 
     @property
     def progress(self) -> RunProgress:
-        """Return the current progress of the newest run."""
+        """Return the progress of the newest motion: how far it has come and whether it is over."""
         return self._drive.progress
 
     def read(self, now: float) -> SessionStatus:
         """
-        Return the current state of the session.
+        Return the current state of the connection with the robot, for diagnostics.
 
         :param now: the current time [s on the steady clock]
         """
@@ -109,10 +118,10 @@ def _guardian(guardian: Guardian | NullGuardian) -> str:
 
 def diagnose(progress: RunProgress, status: SessionStatus) -> Diagnosis:
     """
-    Return the diagnosis of a drive: its level, its message and its values.
+    Return a diagnosis of the drive: OK, a warning or an error, with a message and named values.
 
-    :param progress: the progress of the newest run
-    :param status: the state of the session
+    :param progress: how far the newest motion has come, and why it ended
+    :param status: the state of the connection with the robot
     """
     state = 'stopped permanently' if status.stopped_by is not None else progress.state.value
     level, message = _worst(progress, status, state)

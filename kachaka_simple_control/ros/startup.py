@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Start ROS and create a node, with error messages of one line."""
+"""Start ROS and create a node; each error becomes one line of text for the user."""
 
 from __future__ import annotations
 
@@ -68,13 +68,13 @@ SERVICES = (
 
 def start_ros(arguments: Sequence[str]) -> None:
     """
-    Initialise ROS without its signal handlers.
+    Initialise ROS, but without the signal handlers of rclpy.
 
-    Call this function before the program has other threads: it redirects standard error for a
-    moment.
+    Call this function before the program starts other threads, because it redirects standard error
+    for a moment.
 
     :param arguments: the ROS arguments, from ``--ros-args`` on; other arguments are ignored
-    :raises UsageError: if ROS does not understand the arguments or the environment variables
+    :raises UsageError: if ROS does not understand the arguments or an environment variable
     """
     with _checked(arguments):
         rclpy.init(args=[*arguments], signal_handler_options=SignalHandlerOptions.NO)
@@ -82,9 +82,10 @@ def start_ros(arguments: Sequence[str]) -> None:
 
 def strip_ros_arguments(arguments: Sequence[str]) -> list[str]:
     """
-    Return the arguments of a process that are not for ROS.
+    Return the arguments of a command line that are not for ROS.
 
-    :raises UsageError: if ROS does not understand its arguments or the environment variables
+    :param arguments: all arguments of the command line
+    :raises UsageError: if ROS does not understand the ROS arguments or an environment variable
     """
     with _checked(arguments):
         return list(remove_ros_args([*arguments]))
@@ -93,9 +94,11 @@ def strip_ros_arguments(arguments: Sequence[str]) -> list[str]:
 @contextlib.contextmanager
 def _checked(arguments: Sequence[str]) -> Iterator[None]:
     """
-    Check the ROS arguments and environment variables, and run a block of rclpy calls.
+    Check ROS arguments and environment variables, then run the block of a ``with`` statement.
 
-    An error of rclpy in the block is raised as a UsageError with a message of one line.
+    :param arguments: the ROS arguments of the command line
+    :raises UsageError: if the check fails, or if rclpy raises an error in the block; the message
+        has one line
     """
     _check_environment()
     _check_remaps(arguments)
@@ -120,7 +123,14 @@ def _check_environment() -> None:
 
 
 def _check_remaps(arguments: Sequence[str]) -> None:
-    """Check the names in remap rules, because the errors of ROS do not say what is wrong."""
+    """
+    Check the names in remap rules of the form ``-r FROM:=TO``.
+
+    The reason: the error messages of ROS do not say what is wrong with a name.
+
+    :param arguments: the ROS arguments of the command line
+    :raises UsageError: if a rule or a namespace is invalid, or a name is too long
+    """
     is_for_ros = False
     for option, rule in pairwise([*arguments, '']):
         is_for_ros = (is_for_ros or option == '--ros-args') and option != '--'
@@ -138,7 +148,13 @@ def _check_remaps(arguments: Sequence[str]) -> None:
 
 
 def _explanation(text: str) -> str:
-    """Return an error text of rclpy without source locations, and with advice for the user."""
+    """
+    Turn the text of an rclpy error into one line, with advice for the user.
+
+    Places in the source code of ROS are removed from the text.
+
+    :param text: the text of the error
+    """
     if text.startswith('['):
         return (f'ROS does not know {escaped(text.strip("[]"), 100)} among its arguments: after '
                 '--ros-args stand -p NAME:=VALUE, -r FROM:=TO, --params-file FILE and the like; '
@@ -153,9 +169,9 @@ def _explanation(text: str) -> str:
 @contextlib.contextmanager
 def one_line_errors(name: str) -> Iterator[None]:
     """
-    Raise an error with a message of one line if a node cannot be created in the block.
+    Turn an error in a ``with`` block that creates a node into a UsageError of one line.
 
-    :param name: the name of the node
+    :param name: the name of the node, for the error message
     :raises UsageError: if the node cannot be created
     """
     try:
@@ -175,13 +191,15 @@ def check_node_names(
         node: Node, robot: RobotNames, topics: Iterable[str], services: Iterable[str],
 ) -> None:
     """
-    Check that the topic and service names of a node are short enough and differ after remapping.
+    Check that a node's topic and service names are not too long, and that no two are equal.
+
+    The names are checked after remapping.
 
     :param node: the node, before it has created its topics and services
     :param robot: the names of the robot's topics and services, before remapping
-    :param topics: the node's own topics, without the topics that every node has
-    :param services: the node's own services, without the services that every node has
-    :raises UsageError: if a name is too long, or two names are equal after remapping
+    :param topics: the names of the node's topics, without the topics that every node has
+    :param services: the names of the node's services, without the services that every node has
+    :raises UsageError: if a name is too long, or two names are equal
     """
     roles = {robot.velocity: 'which moves the robot', robot.odometry: "the robot's odometry",
              robot.manual_control: "the robot's manual control"}
@@ -209,6 +227,9 @@ def _resolved(node: Node, name: str, kind: str) -> str:
     """
     Return the full name of a topic or service, with namespace and remapping applied.
 
+    :param node: the node that has the topic or service
+    :param name: the name, before remapping
+    :param kind: ``topic`` or ``service``
     :raises UsageError: if the full name is invalid or too long
     """
     resolve = node.resolve_topic_name if kind == 'topic' else node.resolve_service_name

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The publisher of velocities, and its messages."""
+"""Publish velocities as Twist or TwistStamped messages."""
 
 from __future__ import annotations
 
@@ -40,13 +40,16 @@ def is_zero(data: bytes) -> bool:
 
 class VelocityPublisher:
     """
-    A velocity publisher through which only the velocity gate and the guardian can send.
+    Publishes velocities; the usual method ``publish`` refuses every message.
 
-    The usual method ``publish`` refuses every message.  All other attributes (``topic_name``,
-    ``get_subscription_count()``, ...) are the attributes of the wrapped rclpy publisher.
+    The reason: no velocity may be sent without a check.  Only two callers send messages, with the
+    method ``transmit``: the velocity gate, which checks each velocity, and the guardian, a
+    separate process that sends only zero velocities.  Attributes that this class does not have,
+    such as ``topic_name``, are those of the wrapped rclpy publisher.
 
+    :param node: the node that gets the publisher
     :param topic: the topic on which velocities are published
-    :param message_type: Twist or TwistStamped
+    :param message_type: the type of the messages, ``Twist`` or ``TwistStamped``
     :param frame: the frame in the header of a stamped message
     """
 
@@ -58,18 +61,23 @@ class VelocityPublisher:
         self.sent = SentMessages()
 
     def transmit(self, velocity: Velocity) -> None:
-        """Publish a velocity; only the velocity gate and the guardian may call this."""
+        """
+        Publish a velocity without a check.
+
+        Only the velocity gate, which has checked the velocity, and the guardian, a separate
+        process that sends only zero velocities, may call this method.
+        """
         data = self._messages.serialized(velocity)
         self.sent.record(time.monotonic(), data)
         self._publisher.publish(data)
 
     def destroy(self) -> None:
-        """Destroy the wrapped publisher."""
+        """Destroy the rclpy publisher that sends the velocities."""
         self._node.destroy_publisher(self._publisher)
 
     def publish(self, msg: Any) -> None:  # noqa: ARG002
         """
-        Refuse to publish outside the velocity gate.
+        Refuse to publish a message, because only checked velocities may be sent to the robot.
 
         :raises MotionRefusedError: always; the message says which functions to call instead
         """
@@ -78,17 +86,21 @@ class VelocityPublisher:
             'and stop_robot(); use those')
 
     def __getattr__(self, name: str) -> Any:
-        """Return an attribute of the wrapped rclpy publisher."""
+        """Return an attribute of the wrapped rclpy publisher, such as ``topic_name``."""
         return getattr(self._publisher, name)
 
 
 class _MessageCache:
     """
-    Serializes velocities, and keeps the newest message.
+    Serializes velocities for a publisher, and keeps the newest message to use it again.
 
-    A plan repeats the same velocity object, and creating a message takes longer than publishing
-    it.  So the same velocity is not serialized again.  A stamped message is serialized each time,
-    because its stamp changes.
+    A plan often contains the same Velocity object several times, and creating a message takes
+    longer than publishing it.  So the same object is not converted again.  A stamped message is
+    serialized each time, because its stamp changes.
+
+    :param node: the node whose clock gives the time stamps
+    :param message_type: the type of the messages, ``Twist`` or ``TwistStamped``
+    :param frame: the frame in the header of a stamped message
     """
 
     def __init__(self, node: Node, message_type: str, frame: str) -> None:
