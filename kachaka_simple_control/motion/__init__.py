@@ -12,7 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Motions and plans: immutable values, and functions without side effects.
+Motions and plans, as immutable values and functions without side effects.
 
-The modules use no ROS, files, clocks or logging.
+A motion is a sequence of steps, such as a straight line or a turn.  A plan is the sequence of
+velocities that drive a motion, each with its start time and end time.  The modules in this folder
+use no ROS, files, clocks or logging.
 """

@@ -12,10 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The calibration of a robot: the velocity that a command causes, and the command to send.
+The calibration of a robot and the calibration of its odometry.
 
-The calibration of odometry converts between true velocities on the floor and the velocities that
-odometry reports.
+A robot drives at a velocity that differs slightly from the velocity that is sent to it.
+``Calibration`` converts between the sent velocities and the true velocities on the floor.
+``OdometryCalibration`` converts between the velocities that odometry reports and the true
+velocities on the floor.
 """
 
 from __future__ import annotations
@@ -45,18 +47,20 @@ class Calibration:
     """
     How the true velocities of a robot differ from the velocities that are sent to it.
 
-    The true velocities are v = g_v v_sent and w = g_w w_sent + k v, where g_v and g_w are the
-    gains for the direction of motion and k is the veer; see formula (18) of docs/theory.md.
+    The true linear velocity is v = g_v v_sent.  The true angular velocity is w = g_w w_sent + k v.
+    g_v is the forward or the backward gain, and g_w is the left or the right gain, according to
+    the direction of motion.  k is the veer, the unwanted turn of a robot that should drive
+    straight.  See formula (18) of docs/theory.md.
 
-    :param forward_gain: true velocity divided by sent velocity, forwards
-    :param backward_gain: true velocity divided by sent velocity, backwards
+    :param forward_gain: true linear velocity divided by sent linear velocity, forwards
+    :param backward_gain: true linear velocity divided by sent linear velocity, backwards
     :param left_gain: true angular velocity divided by sent angular velocity, to the left
     :param right_gain: true angular velocity divided by sent angular velocity, to the right
-    :param veer: the unwanted turn to the left for each metre forwards [rad/m]
-    :param delay: how late the robot follows a command, dead time plus lag [s]; None if unknown.
-        A closed loop needs it
+    :param veer: the unwanted turn for each metre forwards [rad/m], positive to the left
+    :param delay: how late the robot follows a sent velocity, dead time plus lag [s]; None if
+        unknown.  A closed loop, which corrects velocities with odometry, needs it
     :param date: the date of the measurement, as text to show
-    :param floor: the floor of the measurement, as text to show
+    :param floor: the floor on which the robot was measured, as text to show
     """
 
     forward_gain: float = 1.0
@@ -70,9 +74,10 @@ class Calibration:
 
     def __post_init__(self) -> None:
         """
-        Raise an error for a value that is out of range.
+        Raise an error for a value of the robot's calibration that is out of range.
 
-        :raises InvalidMotionError: if a gain, the veer or the delay is out of range
+        :raises InvalidMotionError: if a gain (true velocity divided by sent velocity), the veer
+            (unwanted turn for each metre) or the delay is out of range
         """
         for name in GAINS:
             require_between(name, getattr(self, name), MIN_GAIN, MAX_GAIN)
@@ -81,26 +86,40 @@ class Calibration:
         require_between('veer', self.veer, -MAX_VEER, MAX_VEER, 'rad/m')
 
     def command(self, velocity: Velocity) -> Velocity:
-        """Return the command for a wanted velocity; zero velocity gives a zero command."""
+        """
+        Return the velocity to send so that the robot drives at a wanted velocity.
+
+        If the wanted velocity is zero, the returned velocity is zero.
+
+        :param velocity: the wanted true velocity on the floor
+        """
         linear, angular = velocity.linear_x, velocity.angular_z
         angular -= self.veer * linear
         return Velocity(linear / self._linear_gain(linear), angular / self._angular_gain(angular))
 
     def response(self, command: Velocity) -> Velocity:
-        """Return the true velocity that a command causes; the inverse of ``command()``."""
+        """
+        Return the true velocity on the floor that a sent velocity causes.
+
+        This is the inverse of ``command()``.
+
+        :param command: the velocity that is sent to the robot
+        """
         linear = command.linear_x * self._linear_gain(command.linear_x)
         angular = command.angular_z * self._angular_gain(command.angular_z)
         return Velocity(linear, angular + self.veer * linear)
 
     def reduce(self, limits: Limits) -> Limits:
         """
-        Return lower limits for a plan.
+        Return limits for a plan that are lower than the limits of the robot.
 
-        With them, both the planned velocities and the corrected commands keep the robot's limits.
+        The calibration changes each planned velocity before it is sent.  If a plan keeps the
+        returned limits, the planned velocities and the sent velocities both keep the limits of the
+        robot.
 
-        :param limits: the limits of the robot
-        :raises InvalidMotionError: if the correction of the veer leaves nothing of an angular
-            limit
+        :param limits: the limits of the robot for velocities, accelerations and jerks
+        :raises InvalidMotionError: if an angular limit is so low that the correction of the veer,
+            the unwanted turn of the robot, needs all of it
         """
         forward, backward = (min(1.0, gain) - MARGIN for gain in (
             self.forward_gain, self.backward_gain))
@@ -117,7 +136,7 @@ class Calibration:
             for name, coupled in LINEAR_OF.items()})
 
     def describe(self) -> str:
-        """Return the calibration as text, for reports."""
+        """Return all values of the robot's calibration as one line of text, for reports."""
         gains = ', '.join(
             f"{name.removesuffix('_gain')} {format_number(getattr(self, name))}" for name in GAINS)
         veer = f'veer {format_number(math.degrees(self.veer))} deg/m'
@@ -134,16 +153,21 @@ class Calibration:
 def _remaining(
         limits: Limits, name: str, share: float, lost: float, cause: str, value: str) -> float:
     """
-    Return how much of a limit is left for a plan, without the part for a correction.
+    Return the part of a limit that is left for a plan after a correction has taken its part.
 
-    :param limits: the limits
-    :param name: the name of the limit
-    :param share: the fraction of the limit that plan and correction may use together
-    :param lost: the part that the correction needs, positive or negative.  If it is infinite or
-        NaN, because the limit of the other axis is infinite, nothing is subtracted
-    :param cause: the name of the calibration value to correct, for the error message
+    The correction is added to the planned velocity because of a calibration value, for example
+    against an unwanted turn of the robot.
+
+    :param limits: the limits of the robot
+    :param name: the name of the limit, a field of ``Limits``
+    :param share: the fraction of the limit that the plan and the correction may use together
+    :param lost: the part that the correction takes, in the unit of the limit; its sign does not
+        matter.  It is infinite or NaN if the correction depends on a velocity, acceleration or
+        jerk without a limit.  Then nothing is subtracted
+    :param cause: the name of the calibration value, for the error message
     :param value: the calibration value as text, for the error message
-    :raises InvalidMotionError: if the correction needs the whole limit
+    :returns: ``share`` times the limit, minus ``lost``
+    :raises InvalidMotionError: if this result is not above zero
     """
     # Without a limit, the velocity of the other axis jumps, and so does the correction on this
     # axis.  No limit can prevent this jump.
@@ -161,7 +185,12 @@ MIN_TRACK, MAX_TRACK = 0.01, 10.0
 
 
 class _Matrix(NamedTuple):
-    """A matrix that maps a velocity (v, w) to (linear v + across w, turn v + spin w)."""
+    """
+    A matrix with the elements ``linear``, ``across``, ``turn`` and ``spin``.
+
+    It converts a linear velocity v and an angular velocity w to another planar velocity.  The new
+    linear velocity is linear v + across w.  The new angular velocity is turn v + spin w.
+    """
 
     linear: float
     across: float
@@ -179,17 +208,18 @@ class OdometryCalibration:
     """
     How motion on the floor differs from reported odometry; see formula (19) of docs/theory.md.
 
-    A robot with two driven wheels computes its odometry from the radii of both wheels and from
-    the track, the distance between them.  ``scale``, ``wheel_ratio`` and ``track_ratio`` are the
-    errors of these three values, measured with a tape measure.
+    A robot with two driven wheels computes its odometry from the radii of the wheels and from the
+    track, which is the distance between the wheels.  ``scale`` corrects the mean radius,
+    ``wheel_ratio`` corrects the ratio of the two radii, and ``track_ratio`` corrects the track.
+    All three are measured with a tape measure.
 
     :param scale: true distance divided by reported distance on a straight line; it corrects the
         mean wheel radius
-    :param wheel_ratio: true diameter of the right wheel divided by that of the left wheel
+    :param wheel_ratio: true diameter of the right wheel divided by true diameter of the left wheel
     :param track_ratio: true track divided by the track that odometry uses
     :param track: the track that odometry uses [m]; needed unless ``wheel_ratio`` is 1
     :param date: the date of the measurement, as text to show
-    :param floor: the floor of the measurement, as text to show
+    :param floor: the floor on which the robot was measured, as text to show
     """
 
     scale: float = 1.0
@@ -201,9 +231,10 @@ class OdometryCalibration:
 
     def __post_init__(self) -> None:
         """
-        Raise an error for a value that is out of range.
+        Raise an error for a value of the odometry calibration that is out of range.
 
-        :raises InvalidMotionError: if a value is out of range, or the track is missing
+        :raises InvalidMotionError: if a value is out of range, or if the wheels are unequal and
+            the track, the distance between the wheels, is missing
         """
         require_between('scale', self.scale, MIN_GAIN, MAX_GAIN)
         require_between('wheel_ratio', self.wheel_ratio, MIN_WHEEL_RATIO, MAX_WHEEL_RATIO)
@@ -217,23 +248,26 @@ class OdometryCalibration:
 
     def to_floor(self, velocity: Velocity) -> Velocity:
         """
-        Return the velocity on the floor for a velocity reported by odometry.
+        Return the true velocity on the floor for a velocity that odometry reports.
 
-        The conversion is linear.  So it also converts an increment of odometry, with a distance
-        [m] as the linear velocity and an angle [rad] as the angular velocity.
+        The conversion is linear, so it can also convert a movement.  Then the linear velocity
+        stands for a distance [m], and the angular velocity stands for an angle [rad].
+
+        :param velocity: the velocity that odometry reports
         """
         return self._floor_matrix().apply(velocity)
 
     def advance_on_floor(self, pose: Pose, before: Pose, after: Pose) -> Pose:
         """
-        Return the pose on the floor after an increment of odometry.
+        Return the true pose on the floor after a movement that odometry reports.
 
-        The robot cannot drive sideways.  So a lateral part of the increment is noise, and is only
-        multiplied by ``scale``.
+        The robot cannot drive sideways.  So a sideways part of the reported movement is noise.
+        This part is only multiplied by ``scale``, which is true distance divided by reported
+        distance.
 
-        :param pose: the pose on the floor before the increment
-        :param before: the odometry pose before the increment
-        :param after: the odometry pose after the increment; its heading must differ from that of
+        :param pose: the true pose on the floor before the movement
+        :param before: the odometry pose before the movement
+        :param after: the odometry pose after the movement; its heading must differ from that of
             ``before`` by less than half a turn
         """
         change = relative_to(before, after)
@@ -247,18 +281,26 @@ class OdometryCalibration:
         return compose(pose, end)
 
     def to_odometry(self, velocity: Velocity) -> Velocity:
-        """Return the odometry velocity for a velocity on the floor; inverse of ``to_floor()``."""
+        """
+        Return the velocity that odometry reports for a true velocity on the floor.
+
+        This is the inverse of ``to_floor()``.
+
+        :param velocity: the true velocity on the floor
+        """
         return self._odometry_matrix().apply(velocity)
 
     def reduce(self, limits: Limits) -> Limits:
         """
-        Return lower limits for velocities on the floor.
+        Return limits for velocities on the floor that are lower than the given limits.
 
-        With them, the velocities on the floor and the velocities that odometry then reports both
-        keep the given limits.
+        If a velocity on the floor keeps the returned limits, this velocity and the velocity that
+        odometry then reports both keep the given limits.  The same is true of accelerations and
+        jerks.
 
         :param limits: the limits of the velocities that odometry reports
-        :raises InvalidMotionError: if the correction of unequal wheels leaves nothing of a limit
+        :raises InvalidMotionError: if a limit is so low that the correction of unequal wheels
+            needs all of it
         """
         inverse = self._odometry_matrix()
         own, spin = max(1.0, inverse.linear), max(1.0, inverse.spin)
@@ -275,7 +317,7 @@ class OdometryCalibration:
             for name, coupled in LINEAR_OF.items()})
 
     def describe(self) -> str:
-        """Return the odometry calibration as text, for reports."""
+        """Return all values of the odometry calibration as one line of text, for reports."""
         figures = (f'scale {self.scale:.6g}, wheel ratio {self.wheel_ratio:.6g}, '
                    f'track ratio {self.track_ratio:.6g}')
         track = '' if self.track is None else f'track {format_number(self.track)} m'
@@ -283,7 +325,12 @@ class OdometryCalibration:
 
     @property
     def _offset(self) -> float:
-        """Return right minus left true wheel radius, divided by twice the nominal radius."""
+        """
+        Return the relative difference of the true wheel radii.
+
+        It is the true radius of the right wheel minus the true radius of the left wheel, divided
+        by twice the wheel radius that odometry uses.
+        """
         return self.scale * (self.wheel_ratio - 1.0) / (self.wheel_ratio + 1.0)
 
     def _floor_matrix(self) -> _Matrix:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Velocities, poses, planar transforms (SE(2)) and footprints."""
+"""Planar geometry: velocities, poses, SE(2) transforms, and the outlines of robots from above."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Velocity:
 
     @property
     def is_zero(self) -> bool:
-        """Return whether both components are zero."""
+        """Return whether the linear and the angular velocity are both zero."""
         return self.linear_x == 0.0 and self.angular_z == 0.0
 
 
@@ -44,7 +44,8 @@ class Pose:
 
     :param x: position along x [m]
     :param y: position along y [m]
-    :param theta: heading [rad], counter-clockwise positive, not wrapped: two turns are 4 pi
+    :param theta: heading [rad], counter-clockwise positive.  It is not wrapped: after two turns to
+        the left it is 4 pi
     """
 
     x: float = 0.0
@@ -55,10 +56,10 @@ class Pose:
 @dataclass(frozen=True)
 class Displacement:
     """
-    The length and the heading change of a robot's path.
+    How far a robot has driven and how far it has turned.
 
-    :param distance: signed length of the path [m], negative backwards
-    :param angle: heading change [rad], counter-clockwise positive
+    :param distance: the length of the driven path [m]; a part driven backwards counts as negative
+    :param angle: the change of the heading [rad], counter-clockwise positive
     """
 
     distance: float
@@ -81,15 +82,16 @@ def sinc(angle: float) -> float:
 
 def advance(pose: Pose, distance: float, angle: float) -> Pose:
     """
-    Return the pose after an arc of constant curvature.
+    Return the pose of a robot after it has driven along an arc.
 
-    An arc of length s with heading change a has a chord of length s sin(a/2) / (a/2).  The chord
-    points along the heading at the middle of the arc; see formula (14) of docs/theory.md.  The
-    formula is valid for straight lines, arcs and turns in place.
+    If an arc has the length s and the heading change a, the straight line from its start to its
+    end has the length s sin(a/2) / (a/2).  This line points along the heading at the middle of the
+    arc; see formula (14) of docs/theory.md.  The formula is valid for straight lines, arcs and
+    turns in place.
 
-    :param pose: the pose to start from
-    :param distance: signed length of the arc [m]
-    :param angle: heading change along the arc [rad]
+    :param pose: the pose at the start of the arc
+    :param distance: the length of the arc [m], negative if it is driven backwards
+    :param angle: the heading change along the arc [rad], positive to the left
     :returns: the pose at the end of the arc
     """
     chord = distance * sinc(angle / 2.0)
@@ -102,10 +104,12 @@ def advance(pose: Pose, distance: float, angle: float) -> Pose:
 
 def integrate(pose: Pose, velocity: Velocity, duration: float) -> Pose:
     """
-    Return the pose after driving at a constant velocity; exact for the unicycle model.
+    Return the pose of a robot after it has driven at a constant velocity.
+
+    The result is exact for a robot that cannot move sideways (unicycle model).
 
     :param pose: the pose to start from
-    :param velocity: the velocity
+    :param velocity: the constant velocity
     :param duration: the duration of the drive [s]
     """
     return advance(pose, velocity.linear_x * duration, velocity.angular_z * duration)
@@ -113,10 +117,13 @@ def integrate(pose: Pose, velocity: Velocity, duration: float) -> Pose:
 
 def compose(frame: Pose, pose: Pose) -> Pose:
     """
-    Return a pose in the parent frame: frame * pose, as transforms in SE(2).
+    Convert a pose from a frame to the parent frame of this frame.
 
-    :param frame: the pose of a frame in its parent frame
-    :param pose: a pose relative to ``frame``
+    In SE(2), the result is the product frame * pose.
+
+    :param frame: the pose of the frame in its parent frame
+    :param pose: the pose to convert, relative to ``frame``
+    :returns: the same pose in the parent frame
     """
     cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
     return Pose(
@@ -127,10 +134,13 @@ def compose(frame: Pose, pose: Pose) -> Pose:
 
 def relative_to(frame: Pose, pose: Pose) -> Pose:
     """
-    Return a pose relative to a frame: inverse(frame) * pose, as transforms in SE(2).
+    Convert a pose so that it is relative to a frame.
 
-    :param frame: the pose of a frame in its parent frame
-    :param pose: a pose in the parent frame of ``frame``
+    In SE(2), the result is the product inverse(frame) * pose.
+
+    :param frame: the pose of the frame in its parent frame
+    :param pose: the pose to convert, in the parent frame of ``frame``
+    :returns: the same pose, relative to ``frame``
     """
     cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
     x, y = pose.x - frame.x, pose.y - frame.y
@@ -143,8 +153,8 @@ def distance_between(one: Pose, two: Pose) -> tuple[float, float]:
 
     :param one: the first pose
     :param two: the second pose
-    :returns: the distance [m], and the second heading minus the first heading [rad], from -pi
-        to pi
+    :returns: the distance [m], and the heading of the second pose minus the heading of the first
+        pose [rad], wrapped to the range from -pi to pi
     """
     return (math.hypot(two.x - one.x, two.y - one.y),
             math.remainder(two.theta - one.theta, math.tau))
@@ -159,12 +169,14 @@ CORNERS = 48
 @dataclass(frozen=True)
 class Box:
     """
-    The outline of a rectangular robot from above.
+    The outline of a rectangular robot, seen from above.
 
-    :param length: from back to front [m]
-    :param width: from side to side [m]
-    :param ahead: distance from the axle to the middle of the robot [m], positive if the middle is
-        in front of the axle; the robot turns about the middle of its axle
+    The robot turns about the middle of its wheel axle.
+
+    :param length: the length of the robot from back to front [m]
+    :param width: the width of the robot from side to side [m]
+    :param ahead: the distance from the axle to the middle of the robot [m], positive if the middle
+        of the robot is in front of the axle
     """
 
     length: float
@@ -173,11 +185,16 @@ class Box:
 
     @property
     def front(self) -> float:
-        """Return the distance from the axle to the front of the robot [m]."""
+        """Return the distance from the wheel axle to the front of the robot [m]."""
         return self.ahead + self.length / 2.0
 
     def corners(self) -> list[Point]:
-        """Return the corners relative to the axle [m], counter-clockwise, front right first."""
+        """
+        Return x and y of each corner of the robot [m], counter-clockwise.
+
+        x points ahead and y points to the left, from the middle of the wheel axle.  The first
+        corner is at the front right.
+        """
         front, back, side = self.front, self.ahead - self.length / 2.0, self.width / 2.0
         return [(front, -side), (front, side), (back, side), (back, -side)]
 
@@ -185,20 +202,25 @@ class Box:
 @dataclass(frozen=True)
 class Disc:
     """
-    The outline of a round robot from above, with the axle in the middle.
+    The outline of a round robot, seen from above, with the wheel axle in the middle.
 
-    :param radius: the radius [m]
+    :param radius: the radius of the robot [m]
     """
 
     radius: float
 
     @property
     def front(self) -> float:
-        """Return the distance from the axle to the front of the robot [m]."""
+        """Return the distance from the wheel axle to the front of the robot [m]."""
         return self.radius
 
     def corners(self) -> list[Point]:
-        """Return points on the circle relative to the axle [m], counter-clockwise, front first."""
+        """
+        Return x and y of points on the outline of the round robot [m], counter-clockwise.
+
+        x points ahead and y points to the left, from the middle of the robot.  The first point is
+        at the front.
+        """
         angles = (math.tau * corner / CORNERS for corner in range(CORNERS))
         return [(self.radius * math.cos(angle), self.radius * math.sin(angle)) for angle in angles]
 
@@ -208,21 +230,23 @@ Footprint = Box | Disc
 
 def outline(footprint: Footprint, pose: Pose) -> list[Point]:
     """
-    Return the corners of the outline of a robot at a pose [m], counter-clockwise.
+    Return the corners of the outline of a robot that is at a given pose.
 
-    :param footprint: the outline of the robot
-    :param pose: the pose of the axle
+    :param footprint: the outline of the robot, relative to the middle of its wheel axle
+    :param pose: the pose of the middle of the wheel axle
+    :returns: x and y of each corner [m], counter-clockwise, in the frame in which the pose is
+        given
     """
     return [transform_point(corner, pose) for corner in footprint.corners()]
 
 
 def transform_point(point: Point, pose: Pose) -> Point:
     """
-    Convert a point from the axes of a pose to the parent frame of the pose.
+    Convert a point that is relative to a pose to the frame in which the pose is given.
 
-    :param point: the point in the axes of the pose: distance ahead and distance to the left [m]
-    :param pose: the pose in the parent frame
-    :returns: x and y of the point in the parent frame [m]
+    :param point: the distance ahead of the pose and the distance to the left of the pose [m]
+    :param pose: the pose
+    :returns: x and y of the point in the frame in which the pose is given [m]
     """
     transformed = compose(pose, Pose(*point))
     return transformed.x, transformed.y

@@ -42,9 +42,12 @@ class Limits:
     :param max_angular_acceleration: largest rate of change of the angular velocity [rad/s^2]
     :param max_linear_jerk: largest rate of change of the linear acceleration [m/s^3]
     :param max_angular_jerk: largest rate of change of the angular acceleration [rad/s^3]
-    :param max_linear_deceleration: [m/s^2]; None if equal to ``max_linear_acceleration``
-    :param max_angular_deceleration: [rad/s^2]; None if equal to ``max_angular_acceleration``
-    :param max_backward_velocity: [m/s], positive; None if equal to ``max_linear_velocity``
+    :param max_linear_deceleration: largest linear deceleration [m/s^2]; None if it is equal to
+        ``max_linear_acceleration``
+    :param max_angular_deceleration: largest angular deceleration [rad/s^2]; None if it is equal to
+        ``max_angular_acceleration``
+    :param max_backward_velocity: largest backward velocity [m/s], a positive number; None if it is
+        equal to ``max_linear_velocity``
     """
 
     max_linear_velocity: float
@@ -59,7 +62,7 @@ class Limits:
 
     def __post_init__(self) -> None:
         """
-        Raise an error for limits that are not positive.
+        Raise an error for limits that are not positive; infinite limits are allowed.
 
         :raises InvalidMotionError: if a limit is not a number above zero
         """
@@ -68,10 +71,12 @@ class Limits:
 
     def bound(self, name: str) -> float:
         """
-        Return the value of a limit, even if its field is None.
+        Return the value of a limit.
 
-        :param name: the name of the field; for a field that is None, ``SAME_AS`` names the field
-            that is used instead
+        If a deceleration is None, return the acceleration of the same kind, linear or angular.  If
+        the largest backward velocity is None, return the largest forward velocity.
+
+        :param name: the name of the limit, a field of ``Limits``
         """
         value = getattr(self, name)
         bound: float = getattr(self, SAME_AS.get(name, name)) if value is None else value
@@ -79,7 +84,7 @@ class Limits:
 
     @property
     def backward_velocity(self) -> float:
-        """Return the largest backward velocity [m/s], positive."""
+        """Return the largest backward velocity [m/s], as a positive number."""
         return self.bound('max_backward_velocity')
 
     @property
@@ -93,21 +98,37 @@ class Limits:
         return self.bound('max_angular_deceleration')
 
     def scaled(self, factor: float) -> Limits:
-        """Return these limits, each multiplied by a factor."""
+        """Return a copy of these limits, with each limit multiplied by a factor."""
         return Limits(**{
             name: value * factor for name, value in asdict(self).items() if value is not None})
 
     def tightened(self, other: Limits) -> Limits:
-        """Compare these limits with other limits, and return the lower value of each limit."""
+        """
+        Return the stricter combination of these limits and other limits.
+
+        Each returned limit is the lower one of the two values.
+
+        :param other: the limits to combine with these limits
+        """
         return Limits(**{
             name: min(self.bound(name), other.bound(name)) for name in LIMIT_QUANTITIES})
 
     def exceeds(self, other: Limits) -> bool:
-        """Return whether these limits allow a velocity that the other limits forbid."""
+        """
+        Return whether these limits allow a velocity that other limits forbid.
+
+        Only the limits of velocities are compared, not those of accelerations and jerks.
+
+        :param other: the limits to compare with
+        """
         return any(self.bound(name) > other.bound(name) for name in VELOCITIES)
 
     def excesses(self, velocity: Velocity) -> Iterator[LimitError]:
-        """Yield an error for each velocity component that is not finite or beyond its limit."""
+        """
+        Yield an error for each part of a velocity that is not finite or is beyond its limit.
+
+        :param velocity: the velocity, with a linear part and an angular part
+        """
         turning = self.max_angular_velocity
         for name, unit, lowest, highest in (
                 ('linear_x', 'm/s', -self.backward_velocity, self.max_linear_velocity),
@@ -121,7 +142,8 @@ class Limits:
         """
         Raise an error for a velocity beyond the limits.
 
-        :raises InvalidMotionError: if a component is not finite or is beyond its limit
+        :raises InvalidMotionError: if the linear or the angular velocity is not finite, or is
+            beyond its limit
         """
         error = next(self.excesses(velocity), None)
         if error is not None:

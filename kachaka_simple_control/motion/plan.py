@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Check a motion against limits, and compute all its velocities before the drive begins."""
+"""Check a motion against limits, and compute all its velocities before the robot drives."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MAX_SEGMENTS = 5_000_000
 @dataclass(frozen=True, slots=True)
 class Segment:
     """
-    A time interval with one velocity, sent repeatedly at the plan's rate.
+    A time interval of a plan, in which the same velocity is sent repeatedly.
 
     :param start: the start time [s after the start of the plan]
     :param end: the end time [s after the start of the plan]
@@ -54,17 +54,21 @@ class Segment:
 @dataclass(frozen=True, slots=True)
 class PlannedStep:
     """
-    One step of a plan; a repeated step has one entry for each repetition.
+    One step of a motion with its planned times, velocities and end pose.
+
+    If a motion repeats a step, each repetition has its own object.
 
     :param path: the place of the step in the motion, as in ``steps[3].repeat.steps[0]``
-    :param step: the step, which is never a repeat
+    :param step: the step; it is never a ``Repeat``, because the steps in a ``Repeat`` are listed
+        one by one
     :param start: the start time [s after the start of the plan]
     :param end: the end time [s after the start of the plan]
-    :param pose: the planned pose at the end of the step; the plan starts at the origin
-    :param length: the length of the path, forwards plus backwards [m]
-    :param max_linear_velocity: the largest linear velocity sent, in either direction [m/s]
-    :param max_angular_velocity: the largest angular velocity sent, in either direction [rad/s]
-    :param trajectories: the trajectories that drive the step, in order
+    :param pose: the planned pose at the end of the step; at the start of the plan, position and
+        heading are 0
+    :param length: the length of the path of the step [m]; parts driven backwards count as positive
+    :param max_linear_velocity: the largest linear velocity sent, without its sign [m/s]
+    :param max_angular_velocity: the largest angular velocity sent, without its sign [rad/s]
+    :param trajectories: the parts of the step's path with their timing, in driving order
     """
 
     path: str
@@ -79,18 +83,22 @@ class PlannedStep:
 
     @property
     def duration(self) -> float:
-        """Return the duration of the step [s]."""
+        """Return the planned duration of the step [s]."""
         return self.end - self.start
 
 
 @dataclass(frozen=True)
 class Plan:
     """
-    The timed velocities of a motion; after the last segment the velocity is zero.
+    The velocities that drive a motion, each with its start time and end time.
 
-    :param segments: the velocities to send, in order; they start at 0 s and have no gaps
-    :param period: the time after which a velocity is sent again within its segment [s]
-    :param steps: the planned steps, in order, with each repetition as its own entry
+    After the last time interval the velocity is zero.
+
+    :param segments: the time intervals with one velocity each, in order; they start at 0 s and
+        have no gaps
+    :param period: the time after which the velocity of a time interval is sent again [s]
+    :param steps: the steps of the motion with their planned times, in order.  Each repetition of a
+        step is listed on its own
     """
 
     segments: tuple[Segment, ...]
@@ -104,22 +112,26 @@ class Plan:
 
     @property
     def pose(self) -> Pose:
-        """Return the planned pose at the end of the plan; the plan starts at the origin."""
+        """
+        Return the planned pose at the end of the plan.
+
+        At the start of the plan, position and heading are 0.
+        """
         return self.steps[-1].pose if self.steps else ORIGIN
 
     @property
     def length(self) -> float:
-        """Return the length of the path, forwards plus backwards [m]."""
+        """Return the length of the whole path [m]; parts driven backwards count as positive."""
         return sum(step.length for step in self.steps)
 
     @property
     def max_linear_velocity(self) -> float:
-        """Return the largest linear velocity sent, in either direction [m/s]."""
+        """Return the largest linear velocity of the plan, without its sign [m/s]."""
         return max((step.max_linear_velocity for step in self.steps), default=0.0)
 
     @property
     def max_angular_velocity(self) -> float:
-        """Return the largest angular velocity sent, in either direction [rad/s]."""
+        """Return the largest angular velocity of the plan, without its sign [rad/s]."""
         return max((step.max_angular_velocity for step in self.steps), default=0.0)
 
     def path(self, start: Pose = ORIGIN) -> list[Pose]:
@@ -127,7 +139,8 @@ class Plan:
         Return the poses of a robot that drives exactly as planned.
 
         :param start: the pose of the robot at the start of the plan
-        :returns: the start pose, then the pose at the end of each segment
+        :returns: the start pose, then the pose at the end of each segment, which is a time
+            interval with one velocity
         """
         poses = [start]
         for segment in self.segments:
@@ -136,7 +149,7 @@ class Plan:
 
     def step_index(self, elapsed: float) -> int:
         """
-        Return the index of the step that is driven at a time.
+        Return the index of the step that the robot drives at a given time of the plan.
 
         :param elapsed: the time since the start of the plan [s]
         :returns: the index in ``steps``: 0 before the start, and the last index after the end.  If
@@ -147,25 +160,27 @@ class Plan:
 
 def find_errors(motion: Motion, limits: Limits) -> list[InvalidMotionError]:
     """
-    Return all errors of a motion for the limits of a robot.
+    Return all reasons why a robot with given limits cannot drive a motion.
 
     :param motion: the motion
     :param limits: the limits of the robot
-    :returns: the errors, in the order of the motion.  If there are none, ``plan()`` refuses the
-        motion only if the rate is invalid or gives more than ``MAX_SEGMENTS`` velocities
+    :returns: the errors: first those of the steps, in the order of the steps, then those of the
+        whole motion.  If there are none, ``plan()`` can still refuse the motion, but only because
+        the rate is invalid or gives more than ``MAX_SEGMENTS`` velocities
     """
     return _apply_limits(motion, limits)[1]
 
 
 def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
     """
-    Return the plan of a motion: the timed velocities that drive it.
+    Return the plan of a motion: all velocities that drive it, with their times.
 
     :param motion: the motion
     :param limits: the limits of the robot
     :param rate: the rate at which velocities are sent [Hz]
-    :raises InvalidMotionError: if a step is beyond a limit, the motion is too long, or the rate
-        is not a positive number; ``find_errors()`` returns all errors of a motion
+    :raises InvalidMotionError: if a step is beyond a limit, the motion is too long or has too many
+        steps, the plan has more than ``MAX_SEGMENTS`` velocities, or the rate is not a positive
+        number.  Only the first error is raised; ``find_errors()`` returns all errors of a motion
     """
     FREQUENCY.require('rate', rate)
     whole, errors = _apply_limits(motion, limits)
@@ -183,7 +198,12 @@ def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
 # Compared by identity: a repeated item is one object.
 @dataclass(frozen=True, eq=False)
 class _Item:
-    """A step, its place in the motion, and its trajectories; a refused step may have none."""
+    """
+    One step of a motion, with its place in the motion and its trajectories.
+
+    A trajectory is a part of the step's path with its timing.  A step that the robot cannot drive
+    may have no trajectories.
+    """
 
     path: str
     step: Step
@@ -191,19 +211,35 @@ class _Item:
 
 
 class _Block(NamedTuple):
-    """Steps that are driven several times, with the trajectories of each step."""
+    """
+    A list of steps that is driven several times, with the trajectories of each step.
+
+    A trajectory is a part of a step's path with its timing.  A part of the list can be another
+    block of steps.
+    """
 
     times: int
     parts: Sequence[_Item | _Block]
 
     def total(self, measure: Callable[[_Item], float]) -> float:
-        """Return the sum of a measure of all steps; a step counts once for each repetition."""
+        """
+        Add up a number over all steps, for example their durations, and return the sum.
+
+        A repeated step counts once for each repetition.
+
+        :param measure: a function that takes a step with its trajectories and returns the number
+            to add
+        """
         return self.times * sum(
             measure(part) if isinstance(part, _Item) else part.total(measure)
             for part in self.parts)
 
     def expand(self) -> list[_Item]:
-        """Return the steps in driving order; a step occurs once for each repetition."""
+        """
+        Return the steps in the order in which they are driven.
+
+        A repeated step occurs once for each repetition.
+        """
         return self.times * [
             item for part in self.parts
             for item in ([part] if isinstance(part, _Item) else part.expand())]
@@ -213,7 +249,12 @@ def _apply_limits(motion: Motion, limits: Limits) -> tuple[_Block, list[InvalidM
     """
     Return the steps of a motion with their trajectories, and all errors of the motion.
 
-    A repeated step is checked once, not once for each repetition.
+    A trajectory is a part of a step's path with its timing.  A repeated step is checked only once.
+
+    :param motion: the motion
+    :param limits: the limits of the robot
+    :returns: all steps as one block, and the list of errors, which is empty if the robot can drive
+        the motion
     """
     errors: list[InvalidMotionError] = []
 
@@ -243,7 +284,12 @@ def _apply_limits(motion: Motion, limits: Limits) -> tuple[_Block, list[InvalidM
 
 
 class _Sent(NamedTuple):
-    """The velocities of each trajectory of a step, and the largest linear and angular velocity."""
+    """
+    The velocities that are sent for one step, and the largest of them.
+
+    There is one list of velocities for each trajectory, which is a part of the step's path with
+    its timing.  The largest linear and the largest angular velocity are given without their signs.
+    """
 
     velocities: list[list[Velocity]]
     max_linear: float
@@ -251,7 +297,12 @@ class _Sent(NamedTuple):
 
 
 def _planned(items: Sequence[_Item], rate: float) -> Plan:
-    """Return the plan of steps that are in driving order."""
+    """
+    Return the plan that drives steps one after the other.
+
+    :param items: the steps with their trajectories, in the order in which they are driven
+    :param rate: the rate at which velocities are sent [Hz]
+    """
     segments: list[Segment] = []
     steps: list[PlannedStep] = []
     time, pose = 0.0, ORIGIN
@@ -296,14 +347,17 @@ def _segments(velocities: list[Velocity], start: float, end: float) -> list[Segm
 @dataclass(frozen=True)
 class DriveOrder:
     """
-    A motion with all that its plan depends on, for a drive or a preview.
+    A motion, with the limits and the rate from which its plan is computed.
 
-    :param motion: the motion; for a closed loop, with a settle step at its end
-    :param limits: the limits to plan with
+    A closed loop corrects the planned velocities with odometry while the robot drives.
+
+    :param motion: the motion; for a closed loop, its last step is a settle step, in which the
+        robot stands still and its heading is corrected
+    :param limits: the limits with which the plan is computed
     :param rate: the rate at which velocities are sent [Hz]
     :param allowed: the limits that no velocity of the plan may exceed
-    :param corrected: the limits of velocities corrected from odometry, higher than ``limits``;
-        None if the velocities are sent as planned
+    :param corrected: for a closed loop, the limits of the corrected velocities; None if the
+        velocities are sent as planned
     """
 
     motion: Motion
@@ -316,13 +370,17 @@ class DriveOrder:
     def of(cls, motion: Motion, robot: Limits, rate: float, limits: Limits | None = None,
            is_closed_loop: bool = False) -> DriveOrder:
         """
-        Return a drive order with the limits for an open or a closed loop.
+        Return a ``DriveOrder``: a motion with the limits and the rate from which it is planned.
+
+        If a closed loop corrects velocities with odometry, the plan may use only a part of the
+        limits, so that corrections can use the rest.  A settle step is then added at the end of
+        the motion: the robot stands still while its heading is corrected.
 
         :param motion: the motion
-        :param robot: the limits of the robot for plans
+        :param robot: the limits of the robot
         :param rate: the rate at which velocities are sent [Hz]
-        :param limits: the limits of the motion; None for the limits of the robot
-        :param is_closed_loop: whether velocities are corrected from odometry
+        :param limits: the limits for this motion; None for the limits of the robot
+        :param is_closed_loop: whether a closed loop corrects the velocities
         """
         limits = limits or robot
         if not is_closed_loop:
@@ -332,7 +390,7 @@ class DriveOrder:
 
     def plan(self) -> Plan:
         """
-        Return the plan of the motion.
+        Return the plan of the motion: all velocities that drive it, with their times.
 
         :raises InvalidMotionError: if the motion is invalid, or the robot cannot drive it
         """

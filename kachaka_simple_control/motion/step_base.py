@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The base class of all kinds of steps of a motion."""
+"""The base class of all steps of a motion, such as straight lines, turns and waits."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ Refuse = Callable[[str, InvalidMotionError], None]
 @dataclass(frozen=True)
 class Count:
     """
-    The type of a step's field that holds a whole number from 0 to a largest value.
+    The type of a field of a step: a whole number from 0 to a largest value.
 
     :param largest: the largest value allowed
     """
@@ -58,7 +58,7 @@ class Count:
 
         :param name: the name of the field, for the message
         :param value: the value to check
-        :raises InvalidMotionError: if the value is invalid
+        :raises InvalidMotionError: if the value is not a whole number, or is out of range
         """
         if isinstance(value, bool) or not isinstance(value, int):
             raise InvalidMotionError(f'{value!r}; it must be a whole number', name=name)
@@ -68,7 +68,7 @@ class Count:
 
 @dataclass(frozen=True)
 class StepList:
-    """The type of a step's field that holds a list of steps."""
+    """The type of a field of a step: a list of other steps."""
 
 
 #: The types of a step's fields.
@@ -77,7 +77,7 @@ FieldKind = Quantity | Count | StepList
 
 class FileField(NamedTuple):
     """
-    How a step's field is written in a motion file.
+    How a field of a step is written in a motion file, and how it is explained to the user.
 
     :param kind: the type of the value
     :param description: the meaning of the field, for the JSON Schema; editors show it
@@ -90,7 +90,13 @@ class FileField(NamedTuple):
 
 
 def in_file(kind: FieldKind, description: str, *examples: Any) -> dict[str, FileField]:
-    """Return the dataclass metadata for a step's field that is written in motion files."""
+    """
+    Return the metadata for a dataclass field of a step that is written in motion files.
+
+    :param kind: the type of the value
+    :param description: the meaning of the field, for the JSON Schema; editors show it
+    :param examples: example values as written in a file
+    """
     return {'file': FileField(kind, description, examples)}
 
 
@@ -100,23 +106,24 @@ KINDS: dict[str, type[Step]] = {}
 
 class Step(ABC):
     """
-    One part of a motion: the base class of all kinds of steps.
+    One part of a motion, such as a turn: the base class of all kinds of steps.
 
-    A kind of step is a frozen dataclass with a path and a description.  Planner, files, tables,
-    plots and reports need nothing else.  The first line of its docstring explains the kind in the
-    JSON Schema.  Each field has ``in_file()`` as metadata.  An optional field is None by default.
-    The last required field is the length or the duration of the step.  Unless ``trajectories()``
-    is overridden, each segment of the path is driven from rest to rest.
+    Each kind of step is a subclass and a frozen dataclass.  It must define ``path()`` and
+    ``describe()``; nothing else is needed for plans, files, tables, plots and reports.  The first
+    line of the subclass's docstring explains the kind of step in the JSON Schema of motion files.
+    Each field has the metadata of ``in_file()``.  An optional field is None by default.  The last
+    required field is the length or the duration of the step.  The robot stands still at the start
+    and at the end of each path segment, unless the subclass overrides ``trajectories()``.
 
-    :cvar keyword: the name of the step in files and error paths: the class name in lower case
+    :cvar keyword: the name of the step in files and error messages: the class name in lower case
     :cvar form: how the step is written in a file, for error messages; '' if the value of the first
         field can be written alone, as in ``wait: 2 s``
     :cvar synonyms: words that users may write instead of the keyword; an error message then
         suggests the keyword
-    :cvar settles: whether a closed loop corrects the heading during the step, which is planned at
-        rest
-    :ivar speed: the largest velocity along the path, in the unit of the field; None: as fast as
-        the limits allow
+    :cvar settles: whether the robot stands still in this step while a closed loop, which uses
+        odometry, corrects its heading
+    :ivar speed: the largest velocity along the path, in the unit of the subclass's ``speed``
+        field; None: as fast as the limits allow
     """
 
     keyword: ClassVar[str]
@@ -126,16 +133,20 @@ class Step(ABC):
     speed: float | None = None
 
     def __init_subclass__(cls) -> None:
-        """Register the subclass as a kind of step under its keyword."""
+        """
+        Register a new subclass as a kind of step.
+
+        Its keyword, the name of the step in files, is the class name in lower case.
+        """
         super().__init_subclass__()
         cls.keyword = cls.__name__.lower()
         KINDS[cls.keyword] = cls
 
     def __post_init__(self) -> None:
         """
-        Raise an error for a step that cannot be driven.
+        Raise an error for a step with an invalid value.
 
-        :raises InvalidMotionError: if a value is not finite or has the wrong sign
+        :raises InvalidMotionError: if a value is not a finite number or has the wrong sign
         """
         for item in fields(self):  # type: ignore[arg-type]
             value, kind = getattr(self, item.name), item.metadata['file'].kind
@@ -144,23 +155,35 @@ class Step(ABC):
 
     @abstractmethod
     def path(self) -> tuple[PathSegment, ...]:
-        """Return the segments of the path; each starts at the end of the previous segment."""
+        """
+        Return the segments of the step's path, each with a constant curvature, in driving order.
+
+        Each segment starts at the end of the previous segment.
+        """
 
     @abstractmethod
     def describe(self) -> str:
-        """Return a short text about the step, for tables that show its time in another column."""
+        """Return a short text about the step, for tables with a separate duration column."""
 
     def describe_fully(self) -> str:
         """Return a short text about the step, with its duration if that is one of its fields."""
         return self.describe()
 
     def block(self) -> tuple[int, tuple[Step, ...]] | None:
-        """Return the number of repetitions and the repeated steps; None if nothing is repeated."""
+        """
+        Return how often this step repeats other steps, and the repeated steps.
+
+        Return None if this step does not repeat other steps.
+        """
         return None
 
     @property
     def displacement(self) -> Displacement:
-        """Return the signed length of the path and the heading change."""
+        """
+        Return the length of the step's path [m] and the change of the heading [rad].
+
+        Parts driven backwards and parts turned to the right count as negative.
+        """
         path = self.path()
         return Displacement(math.fsum(segment.length for segment in path),
                             math.fsum(segment.angle for segment in path))
@@ -172,16 +195,23 @@ class Step(ABC):
 
     @classmethod
     def file_fields(cls) -> dict[str, FileField]:
-        """Return how each field is written in a file; the keys are the field names, in order."""
+        """
+        Return a dictionary that says how each field of the step is written in a file.
+
+        The keys are the names of the fields, in the order of their definition.
+        """
         return {item.name: item.metadata['file'] for item in fields(cls)}  # type: ignore[arg-type]
 
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
         """
-        Return a trajectory for each path segment: as fast as the limits and the speed allow.
+        Return the fastest trajectory along each segment of the step's path.
+
+        A trajectory is a path segment with its timing.  It keeps the limits and the ``speed`` of
+        the step.
 
         :param limits: the limits of the robot
-        :param refuse: called with the name of each field that the robot cannot drive, and with the
-            error
+        :param refuse: a function to call for each field because of which the robot cannot drive
+            the step, with the name of the field and the error
         :returns: the trajectories, in order; empty if nothing limits the velocity, or if the step
             takes too long
         """
@@ -214,7 +244,11 @@ class Step(ABC):
         return []
 
     def limit_note(self) -> str:
-        """Return the end of the error message about a speed limit: why the limit is lower."""
+        """
+        Return a text for the end of an error message: why the speed limit of this step is lower.
+
+        The text is empty if there is no special reason.
+        """
         return ''
 
     def _extent(self) -> str:
@@ -226,7 +260,17 @@ class Step(ABC):
         return kind.unit if isinstance(kind, Quantity) else ''
 
     def _held(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
-        """Return a trajectory of constant velocity for each segment; its unit is the second."""
+        """
+        Return a trajectory with constant velocity for each segment of the step's path.
+
+        A trajectory is a path segment with its timing.  Here, the length of a segment is its
+        duration [s].
+
+        :param limits: the limits of the robot
+        :param refuse: a function to call if the step takes too long, with the name of its duration
+            field and the error
+        :returns: the trajectories, in order; empty if the step takes too long
+        """
         held: list[Trajectory] = [
             ConstantVelocity(segment, limits_along(segment, limits)) for segment in self.path()]
         duration = sum(trajectory.duration for trajectory in held)
@@ -239,10 +283,10 @@ class Step(ABC):
 
 def step_tuple(steps: object) -> tuple[Step, ...]:
     """
-    Return an iterable of steps as a tuple, after a check of each item.
+    Return steps as a tuple, after a check that each item is a step.
 
     :param steps: any iterable of steps
-    :raises InvalidMotionError: if the value is not an iterable of steps
+    :raises InvalidMotionError: if the value is not an iterable, or if an item is not a step
     """
     if isinstance(steps, (str, bytes)) or not isinstance(steps, Iterable):
         raise InvalidMotionError(f'{steps!r}; it must be a sequence of steps', name='steps')

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The kinds of steps that a motion consists of."""
+"""A motion, and the kinds of steps that it consists of, such as ``Forward`` and ``Turn``."""
 
 from __future__ import annotations
 
@@ -54,6 +54,8 @@ class Move(Step):
     """
     Hold a velocity for a time: the lesson's step.
 
+    The lesson is docs/lesson.md.  There, each movement is a velocity that is sent for a time.
+
     :param linear_x: forward velocity [m/s], negative backwards
     :param angular_z: turning velocity [rad/s], positive to the left
     :param duration: how long to hold the velocity [s], not negative
@@ -72,27 +74,31 @@ class Move(Step):
 
     @property
     def velocity(self) -> Velocity:
-        """Return the velocity that this step holds."""
+        """Return the constant velocity of this step."""
         return Velocity(float(self.linear_x), float(self.angular_z))
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one path segment; its unit is the second."""
+        """Return the path of the step: one segment, whose length is the duration [s]."""
         return (PathSegment(float(self.duration), float(self.linear_x), float(self.angular_z)),)
 
     def describe(self) -> str:
-        """Return the two velocities as text."""
+        """Return the linear and the angular velocity of the step as text."""
         return f'move {format_number(self.linear_x)} m/s, {format_number(self.angular_z)} rad/s'
 
     def describe_fully(self) -> str:
-        """Return the two velocities and the time as text."""
+        """Return the linear velocity, the angular velocity and the duration as text."""
         return f'{self.describe().removeprefix("move ")} for {self.duration:g} s'
 
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
         """
-        Return one trajectory of constant velocity.
+        Return a list with one trajectory, which has a constant velocity.
+
+        A trajectory is a path segment with its timing.  The list is empty if the step takes too
+        long.
 
         :param limits: the limits of the robot
-        :param refuse: called for each component beyond its limit, with its name and the error
+        :param refuse: a function to call for each field because of which the robot cannot drive
+            the step, with the name of the field and the error
         """
         for error in limits.excesses(self.velocity):
             refuse(error.name or '', error)
@@ -104,7 +110,7 @@ class Forward(Step):
     """
     Drive straight, from rest to rest: a distance, negative backwards; or distance and speed.
 
-    :param distance: how far [m], negative backwards
+    :param distance: how far to drive [m], negative backwards
     :param speed: drive no faster than this [m/s], positive; None: as fast as the limits allow
     """
 
@@ -118,16 +124,20 @@ class Forward(Step):
         '0.1 m/s'))
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one straight path segment; its unit is the metre."""
+        """Return the path of the step: one straight segment, whose length is in metres."""
         distance = float(self.distance)
         return (PathSegment(abs(distance), math.copysign(1.0, distance), 0.0),)
 
     def describe(self) -> str:
-        """Return the distance as text."""
+        """Return the distance of the step as text."""
         return f'forward {format_number(self.distance)} m'
 
     def limit_note(self) -> str:
-        """Return ' backwards' for a negative distance, for the error about the speed limit."""
+        """
+        Return the text ' backwards' if the distance is negative, and an empty text otherwise.
+
+        The text is the end of the error message for a speed above the limit.
+        """
         return ' backwards' if self.distance < 0.0 else ''
 
 
@@ -136,7 +146,7 @@ class Turn(Step):
     """
     Turn in place, from rest to rest: an angle, positive to the left; or angle and speed.
 
-    :param angle: how far [rad], positive to the left; it may be more than one whole turn
+    :param angle: how far to turn [rad], positive to the left; it may be more than one whole turn
     :param speed: turn no faster than this [rad/s], positive; None: as fast as the limits allow
     """
 
@@ -149,12 +159,12 @@ class Turn(Step):
         'Turn no faster than this.  Left out: as fast as the limits allow.', '45 deg/s'))
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one path segment; its unit is the radian."""
+        """Return the path of the step: one turn in place, whose length is in radians."""
         angle = float(self.angle)
         return (PathSegment(abs(angle), 0.0, math.copysign(1.0, angle)),)
 
     def describe(self) -> str:
-        """Return the angle as text."""
+        """Return the angle of the turn as text."""
         return f'turn {format_number(math.degrees(self.angle))} deg'
 
 
@@ -189,10 +199,10 @@ class Arc(Step):
 
     def __post_init__(self) -> None:
         """
-        Raise an error for an arc that cannot be driven.
+        Raise an error for an arc with an invalid value.
 
-        :raises InvalidMotionError: if a value is not finite or has the wrong sign, or if the
-            radius is too small
+        :raises InvalidMotionError: if a value is not a finite number or has the wrong sign, or if
+            the radius is too small
         """
         if abs(require_finite('radius', self.radius, 'm')) < MIN_RADIUS:
             raise InvalidMotionError(
@@ -201,17 +211,17 @@ class Arc(Step):
         super().__post_init__()
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one path segment along the arc; its unit is the metre."""
+        """Return the path of the step: one arc, whose length is in metres."""
         radius, angle = float(self.radius), float(self.angle)
         sign = math.copysign(1.0, angle)
         return (PathSegment(abs(radius * angle), sign, sign / radius),)
 
     def describe(self) -> str:
-        """Return radius and angle as text."""
+        """Return the radius and the angle of the arc as text."""
         return f'arc {format_number(self.radius)} m, {format_number(math.degrees(self.angle))} deg'
 
     def limit_note(self) -> str:
-        """Return the radius as text, for the error about the speed limit."""
+        """Return a text with the radius, for the error message about a speed above the limit."""
         return f' along a radius of {self.radius} m'
 
 
@@ -228,15 +238,24 @@ class Wait(Step):
         units.TIME, 'How long, in s, ms or min; a bare number is in seconds.', '2 s'))
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one path segment at rest; its unit is the second."""
+        """Return the path of the step: one segment at rest, whose length is the duration [s]."""
         return (PathSegment(float(self.duration), 0.0, 0.0),)
 
     def describe(self) -> str:
-        """Return the time as text."""
+        """Return the duration of the wait as text."""
         return f'wait {format_number(self.duration)} s'
 
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
-        """Return one trajectory with zero velocity."""
+        """
+        Return a list with one trajectory, in which the robot stands still.
+
+        A trajectory is a path segment with its timing.  The list is empty if the step takes too
+        long.
+
+        :param limits: the limits of the robot
+        :param refuse: a function to call if the step takes too long, with the name of its duration
+            field and the error
+        """
         return self._held(limits, refuse)
 
 
@@ -245,6 +264,8 @@ class Settle(Wait):
     """
     Stand still for a time, in which a closed loop corrects the heading.
 
+    A closed loop corrects the velocities of a motion with odometry while the robot drives.
+
     :param duration: how long to stand still [s], not negative
     """
 
@@ -252,7 +273,11 @@ class Settle(Wait):
     settles = True
 
     def describe(self) -> str:
-        """Return the time as text."""
+        """
+        Return the duration of the settle step as text.
+
+        In a settle step, the robot stands still while its heading is corrected.
+        """
         return f'settle {format_number(self.duration)} s'
 
 
@@ -261,7 +286,7 @@ class Repeat(Step):
     """
     Do some steps several times.
 
-    :param times: how often, from 0 to a million
+    :param times: how often to drive the steps, from 0 to a million
     :param steps: the steps to repeat, in order; a list is converted to a tuple
     """
 
@@ -273,10 +298,10 @@ class Repeat(Step):
 
     def __post_init__(self) -> None:
         """
-        Raise an error for an invalid repeat.
+        Raise an error for a repeat with an invalid value.
 
-        :raises InvalidMotionError: if ``times`` is negative, too large or not whole, if a step is
-            not a Step, or if the repeats are nested too deeply
+        :raises InvalidMotionError: if ``times`` is negative, too large or not a whole number, if
+            an item of ``steps`` is not a step, or if repeats are nested too deeply
         """
         TIMES.require('times', self.times)
         object.__setattr__(self, 'steps', step_tuple(self.steps))
@@ -285,7 +310,11 @@ class Repeat(Step):
                 f'steps has repeats {_nesting(self)} deep; at most {MAX_NESTING} may be nested')
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return the path segments of all steps, repeated as often as they are driven."""
+        """
+        Return the path segments of the repeated steps, in driving order.
+
+        The segments occur once for each repetition.
+        """
         return tuple(segment for step in self.steps for segment in step.path()) * self.times
 
     def describe(self) -> str:
@@ -300,7 +329,7 @@ class Repeat(Step):
 @dataclass(frozen=True)
 class Motion:
     """
-    A named sequence of steps: plain data.
+    A named sequence of steps that a robot drives one after the other; it cannot be changed.
 
     :param name: the name to show
     :param steps: the steps, in order; a list is converted to a tuple
@@ -313,9 +342,10 @@ class Motion:
 
     def __post_init__(self) -> None:
         """
-        Raise an error for an invalid motion.
+        Raise an error for a motion with an invalid value.
 
-        :raises InvalidMotionError: if name or description is not text, or a step is not a Step
+        :raises InvalidMotionError: if the name or the description is not text, or an item of
+            ``steps`` is not a step
         """
         for what, text in (('name', self.name), ('description', self.description)):
             if not isinstance(text, str):
@@ -323,7 +353,12 @@ class Motion:
         object.__setattr__(self, 'steps', step_tuple(self.steps))
 
     def settled(self) -> Motion:
-        """Return the motion for a closed loop: with a settle step at its end."""
+        """
+        Return this motion with a settle step at its end.
+
+        In a settle step, the robot stands still while a closed loop corrects its heading with
+        odometry.  If the motion already ends with such a step, the motion is returned unchanged.
+        """
         if self.steps and self.steps[-1].settles:
             return self
         return replace(self, steps=(*self.steps, Settle(SETTLE_TIME)))

@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Path segments of constant curvature, and trajectories: path segments with their timing."""
+"""
+Path segments, and trajectories along them.
+
+A path segment is a part of a path with constant curvature.  A trajectory is a path segment with
+its timing.
+"""
 
 from __future__ import annotations
 
@@ -42,11 +47,11 @@ TIME_BISECTIONS = 40
 
 class PathSegment(NamedTuple):
     """
-    A path with a constant curvature; its length has the unit u.
+    A part of a path, with constant curvature and with a length in the unit u.
 
     The unit u is the metre for straight lines and arcs, the radian for a turn in place, and the
-    second for a step with given velocities.  If u is the second, ``linear`` and ``angular`` are
-    velocities.
+    second for a step that holds a velocity for a time.  If u is the second, ``linear`` and
+    ``angular`` are velocities.
 
     :param distance: the length [u], not negative
     :param linear: metres forwards for each u, negative backwards
@@ -59,36 +64,39 @@ class PathSegment(NamedTuple):
 
     @property
     def is_rest(self) -> bool:
-        """Return whether the robot stands still during the whole segment."""
+        """Return whether the robot stands still during the whole path segment."""
         return not (self.linear or self.angular)
 
     @property
     def length(self) -> float:
-        """Return the driven length [m], negative backwards."""
+        """Return how far the robot drives in the path segment [m], negative backwards."""
         return self.linear * self.distance
 
     @property
     def angle(self) -> float:
-        """Return the heading change [rad], positive to the left."""
+        """Return the heading change in the path segment [rad], positive to the left."""
         return self.angular * self.distance
 
     def velocity(self, rate: float) -> Velocity:
         """
-        Return the velocity of the robot for a velocity along the segment.
+        Return the velocity of the robot for a velocity along the path segment.
 
-        :param rate: the velocity along the segment [u/s]
+        :param rate: the velocity along the segment [u/s]; u is the unit of its length: m, rad or s
+        :returns: the linear and the angular velocity of the robot
         """
         return Velocity(self.linear * rate, self.angular * rate)
 
 
 def limits_along(segment: PathSegment, limits: Limits) -> PathLimits:
     """
-    Return the limits along a segment: each is the stricter of the linear and the angular limit.
+    Return the limits of velocity, acceleration, deceleration and jerk along a path segment.
+
+    Each of them is the stricter one of the linear and the angular limit of the robot.
 
     :param segment: the segment
     :param limits: the limits of the robot
-    :returns: the limits in the unit of the segment; see formulas (13) and (17) of docs/theory.md.
-        They are infinite if the robot stands still during the segment
+    :returns: the limits in the unit of the segment's length, m, rad or s; see formulas (13) and
+        (17) of docs/theory.md.  They are infinite if the robot stands still during the segment
     """
     forward = limits.backward_velocity if segment.linear < 0.0 else limits.max_linear_velocity
     return PathLimits(
@@ -113,7 +121,7 @@ def _along(limit: float, rate: float) -> float:
 @dataclass(frozen=True)
 class TimedPath(ABC):
     """
-    A path segment with its timing: the base class of both kinds of trajectories.
+    A path segment with its timing: the base class of ``ConstantVelocity`` and ``ProfiledPath``.
 
     :param segment: the segment
     :param limits: the limits along the segment
@@ -125,13 +133,19 @@ class TimedPath(ABC):
     @property
     @abstractmethod
     def max_rate(self) -> float:
-        """Return the largest velocity along the segment [m/s, rad/s or s/s]."""
+        """
+        Return the largest velocity along the path segment [m/s, rad/s or s/s].
+
+        The unit depends on the unit of the segment's length: m, rad or s.
+        """
 
     def mean_velocity(self, distance: float, duration: float) -> Velocity:
         """
-        Return the constant velocity of the robot that covers a distance in a time.
+        Return the constant velocity at which the robot covers a distance in a time.
 
-        :param distance: the distance along the segment [m, rad or s]
+        The velocity along the segment is limited to the largest planned velocity.
+
+        :param distance: the distance along the path segment [m, rad or s]
         :param duration: the time [s]
         """
         # Rounding must not raise the rate above the limit, or make it negative.
@@ -140,10 +154,11 @@ class TimedPath(ABC):
 
 class ConstantVelocity(TimedPath):
     """
-    A segment with one constant velocity, which is sent repeatedly at the rate of the plan.
+    A path segment with one constant velocity, which is sent repeatedly at the rate of the plan.
 
-    Its length is a time [s].  Its velocity [s/s] is 1 if the time of the plan passes as planned.
-    It is smaller if the motion is slowed down.
+    The length of the segment is its planned duration, so a position along the segment is a time in
+    the plan [s].  The velocity along the segment [s/s] says how many seconds of the plan pass in
+    one second.  It is 1 as planned, and smaller if the motion is slowed down.
     """
 
     @property
@@ -152,36 +167,66 @@ class ConstantVelocity(TimedPath):
         return self.segment.distance
 
     def ticks(self, rate: float) -> int:  # noqa: ARG002
-        """Return the number of different velocities: 1, or 0 if the duration is 0."""
+        """
+        Return the number of different velocities in the path segment.
+
+        The result is 1, or 0 if the duration is 0.
+
+        :param rate: not used
+        """
         return 1 if self.duration else 0
 
     def velocities(self, rate: float) -> list[Velocity]:
-        """Return a list with the constant velocity; the list is empty if the duration is 0."""
+        """
+        Return a list with the constant velocity; the list is empty if the duration is 0.
+
+        :param rate: the rate at which velocities are sent [Hz]; it does not change the result
+        """
         return [self.segment.velocity(self.max_rate)] * self.ticks(rate)
 
     def state_at(self, time: float) -> PathState:
-        """Return the state at a time since the start [s]; this time is also the position."""
+        """
+        Return the planned position and velocity along the path segment at a time.
+
+        The length of this kind of segment is a duration, so the position is the time [s].
+
+        :param time: the time since the start of the segment [s]
+        """
         return PathState(time, self.max_rate)
 
     def time_at(self, position: float) -> float:
-        """Return the time at which a position is reached [s]; it is equal to the position [s]."""
+        """
+        Return the planned time at which a position along the path segment is reached [s].
+
+        The length of this kind of segment is a duration, so the time is equal to the position.
+
+        :param position: the position along the segment [s]
+        """
         return position
 
     def first_state(self, factor: float, velocity: float) -> PathState:
         """
-        Return the state at the start: the position 0, and the velocity along the segment [s/s].
+        Return the position and the velocity at the start of the path segment.
 
-        :param factor: the speed factor, from 0 to 1.  It gives the velocity if ``velocity`` is 0
-        :param velocity: the velocity along the previous trajectory at its end, which is kept; 0
-            if the robot stood still
+        The position is 0 s.  The velocity [s/s] says how many seconds of the plan pass in one
+        second: 1 as planned, less if the motion is slowed down.
+
+        :param factor: the speed factor, from 0 to 1, which slows the motion down.  The returned
+            velocity is computed from it if ``velocity`` is 0
+        :param velocity: the velocity at the end of the previous path segment [s/s]; 0 if the robot
+            stood still there.  If it is not 0, it is returned unchanged
         """
         return PathState(0.0, velocity or self._rate(factor))
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
         """
-        Plan the rest of the segment again: change its velocity [s/s] to the speed factor.
+        Plan the rest of the path segment again for another speed factor.
 
-        :param state: the current state
+        The velocity along the segment [s/s] says how many seconds of the plan pass in one second.
+        This velocity changes to the speed factor as fast as the limits allow.  In a segment in
+        which the robot stands still, this velocity changes to 1 for each factor above 0.
+
+        :param state: the current position, velocity and acceleration along the segment
         :param factor: the speed factor, from 0 to 1.  0 means a stop; if the rest of the segment
             is too short to stop, the velocity at its end is not zero
         """
@@ -189,15 +234,22 @@ class ConstantVelocity(TimedPath):
 
     @property
     def max_rate(self) -> float:
-        """Return the largest velocity along the segment: 1 s/s, the velocity as planned."""
+        """
+        Return the largest velocity along the path segment [s/s], which is 1.
+
+        The velocity says how many seconds of the plan pass in one second.  1 is as planned.
+        """
         return 1.0
 
     def _rate(self, factor: float) -> float:
         """
-        Return the velocity along the segment for a speed factor [s/s].
+        Return how many seconds of the plan pass in one second under a speed factor [s/s].
 
-        It is the factor.  If the robot stands still in the segment, it is 1 for each factor above
-        0, so that a wait does not become longer.
+        If the robot moves in the path segment, the result is equal to the factor.  If the robot
+        stands still there, the result is 1 for each factor above 0, so that a wait does not become
+        longer.
+
+        :param factor: the speed factor, from 0 to 1
         """
         return math.ceil(factor) if self.segment.is_rest else factor
 
@@ -205,21 +257,23 @@ class ConstantVelocity(TimedPath):
 @dataclass(frozen=True)
 class ProfiledPath(TimedPath):
     """
-    A segment driven from rest to rest along a velocity profile.
+    A path segment that is driven from rest to rest along a velocity profile.
 
-    :param profile: the velocity profile over the length of the segment
+    :param profile: the velocity along the segment over time
     """
 
     profile: VelocityProfile
 
     @property
     def duration(self) -> float:
-        """Return the duration of the profile [s]."""
+        """Return the planned duration of the path segment [s]."""
         return self.profile.duration
 
     def ticks(self, rate: float) -> int:
         """
-        Return the number of equal time parts, each at most one period of the rate long.
+        Return the number of ticks, the equal time parts into which the duration is divided.
+
+        In each tick, one velocity is sent.  A tick is at most 1 / ``rate`` long.
 
         :param rate: the rate at which velocities are sent [Hz]
         """
@@ -229,7 +283,9 @@ class ProfiledPath(TimedPath):
 
     def velocities(self, rate: float) -> list[Velocity]:
         """
-        Return the mean velocity of the profile in each time part.
+        Return the velocities to send, one for each of the equal time parts of the path segment.
+
+        Each is the mean of the planned velocity in its time part.
 
         :param rate: the rate at which velocities are sent [Hz]
         """
@@ -241,34 +297,48 @@ class ProfiledPath(TimedPath):
         return [cruising if mean == top else self.segment.velocity(mean) for mean in means]
 
     def state_at(self, time: float) -> PathState:
-        """Return the state of the profile at a time since its start [s]."""
+        """
+        Return the planned position, velocity and acceleration along the path segment at a time.
+
+        :param time: the time since the start of the segment [s]
+        """
         return self.profile.state_at(time)
 
     def time_at(self, position: float) -> float:
-        """Return the time at which a position is reached [s], found by bisection."""
+        """
+        Return the planned time at which a position is reached [s], found by bisection.
+
+        :param position: the position along the path segment [m or rad]
+        :returns: the time since the start of the segment [s]
+        """
         return bisection(
             0.0, self.duration, lambda time: self.profile.state_at(time).position >= position,
             TIME_BISECTIONS)[1]
 
     def first_state(self, factor: float, velocity: float) -> PathState:  # noqa: ARG002
-        """Return the state at the start: the position 0, at rest."""
+        """
+        Return the position and the velocity at the start of the segment, which are both 0.
+
+        :param factor: not used
+        :param velocity: not used
+        """
         return PathState(0.0)
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
         """
-        Plan the rest of the segment again with another speed factor.
+        Plan the rest of the path segment again for another speed factor.
 
-        The new plan ends at rest.
+        The robot is at rest at the end of the new plan.
 
-        :param state: the current state
-        :param factor: the speed factor, from 0 to 1.  It multiplies the largest velocity of the
-            profile, but no other limit.  0 means a stop as soon as possible
+        :param state: the current position, velocity and acceleration along the segment
+        :param factor: the speed factor, from 0 to 1.  It multiplies the largest velocity along the
+            segment, but no other limit.  0 means a stop as soon as possible
         """
         return replan_to_rest(state, self.segment.distance, factor * self.max_rate, self.limits)
 
     @property
     def max_rate(self) -> float:
-        """Return the largest velocity of the profile [m/s or rad/s]."""
+        """Return the largest planned velocity along the path segment [m/s or rad/s]."""
         return self.profile.velocity
 
 

@@ -36,11 +36,15 @@ MINUS = '\u2212'
 
 
 class UnitError(ValueError):
-    """A text is not a quantity of the expected kind; the message says what to write."""
+    """
+    The error for a text that is not a quantity of the expected kind, such as a length.
+
+    The message says what to write instead.
+    """
 
 
 class SignRule(Enum):
-    """The signs that the values of a quantity may have."""
+    """The values that a quantity may have: any, not below zero, or only above zero."""
 
     ANY = 'any'
     NOT_NEGATIVE = 'zero or more'
@@ -50,16 +54,17 @@ class SignRule(Enum):
 @dataclass(frozen=True)
 class Quantity:
     """
-    A kind of quantity, with the units that its text form allows.
+    A kind of quantity, such as a length, with the units in which users may write it.
 
     :param name: the name of the quantity with an article, as in ``a length``
-    :param units: the allowed units, the SI unit first.  The factor from each to the SI unit is a
-        numerator and a denominator, because 57 / 100 gives 0.57 and 57 * 0.01 does not
-    :param example: an example text
+    :param units: the allowed units, the SI unit first.  The factor from each unit to the SI unit
+        is given as a numerator and a denominator, because 57 / 100 gives 0.57, but 57 * 0.01 gives
+        0.5700000000000001
+    :param example: an example of a valid text
     :param sign: the allowed signs
     :param largest: the largest value allowed in a text [SI unit]
-    :param needs_unit: whether a text must have a unit.  A number without a unit is often meant
-        in another unit than the SI unit: ``turn: 90`` is meant in degrees, but 90 rad is 14 turns
+    :param needs_unit: whether a text must have a unit.  A number without a unit is often meant in
+        another unit than the SI unit: ``turn: 90`` is meant in degrees, but 90 rad is 14 turns
     """
 
     name: str
@@ -71,31 +76,43 @@ class Quantity:
 
     @property
     def unit(self) -> str:
-        """Return the text of the SI unit, as in ``m/s``."""
+        """Return the SI unit of the quantity as text, as in ``m/s``."""
         return next(iter(self.units))
 
     @property
     def keyword(self) -> str:
-        """Return the name without its article, which names the quantity in the JSON Schemas."""
+        """
+        Return the name of the quantity without its article, as in ``length``.
+
+        The JSON Schemas use this name for the quantity.
+        """
         return self.name.split(' ', 1)[1]
 
     @property
     def pattern(self) -> str:
-        """Return the regular expression for a valid text, for Python and for ECMAScript."""
+        """
+        Return a regular expression that matches a number with an allowed unit, as in ``0.5 m``.
+
+        It is valid in Python and in ECMAScript, which JSON Schema uses.
+        """
         units = '|'.join(unit.replace('^', r'\^') for unit in self.units)
         sign = f'[{"-" if self.sign is SignRule.ANY else ""}+]?'
         return f'^{sign}{DIGITS} *({units}){"" if self.needs_unit else "?"}$'
 
     @property
     def wanted(self) -> str:
-        """Return a description of the expected text with its units, for error messages."""
+        """
+        Return a text that tells the user how to write the quantity, for error messages.
+
+        It contains an example and the allowed units.
+        """
         *others, last = self.units
         units = f'{", ".join(others)} or {last}' if others else last
         return f'{self.name}, as in {self.example} (in {units})'
 
     def parse(self, text: str) -> float:
         """
-        Return the value of a text, converted to the SI unit.
+        Convert a text, such as ``20 cm``, to a number in the SI unit.
 
         :param text: a number and a unit.  A number without a unit is in the SI unit, but is an
             error if ``needs_unit`` is true
@@ -116,7 +133,9 @@ class Quantity:
 
     def without_unit(self, number: object) -> str:
         """
-        Return the error message for a number without a unit; it says what to write instead.
+        Return the error message for a number that must have a unit, but has none.
+
+        The message says what to write instead.
 
         :param number: the number
         """
@@ -130,7 +149,8 @@ class Quantity:
 
         :param name: the name of the value, for the message
         :param value: the value [SI unit]
-        :raises InvalidMotionError: if the value is invalid
+        :raises InvalidMotionError: if the value is not a finite number, or has a sign that is not
+            allowed
         """
         number = require_finite(name, value, self.unit)
         if self.sign is SignRule.NOT_NEGATIVE and number < 0.0:
@@ -158,7 +178,12 @@ class Quantity:
 
 
 def point_advice(text: str) -> str | None:
-    """Return the advice for a text with a decimal comma; None if the text has no such comma."""
+    """
+    Return the advice to write a decimal point, for a number with a decimal comma.
+
+    :param text: the text of the user, as in ``0,5 m``
+    :returns: the advice; None if the text does not begin with a number with a decimal comma
+    """
     comma = _DECIMAL_COMMA.match(text)
     return comma and f'write {quoted(f"{comma[1]}.{text[comma.end():]}")}, with a point'
 
@@ -196,7 +221,9 @@ QUANTITIES = {quantity.keyword: quantity for quantity in (
 
 def require_number(name: str, value: object, unit: str) -> float:
     """
-    Return a value as a float; an integer too large for a float becomes infinite.
+    Return a value as a float, or raise an error if it is not a number.
+
+    An integer too large for a float becomes infinite.  A bool is not a number.
 
     :param name: the name of the value, for the message
     :param value: the value
@@ -214,7 +241,7 @@ def require_number(name: str, value: object, unit: str) -> float:
 
 def require_finite(name: str, value: object, unit: str) -> float:
     """
-    Return a value as a finite float.
+    Return a value as a finite float, or raise an error.
 
     :param name: the name of the value, for the message
     :param value: the value
@@ -262,7 +289,9 @@ def require_positive(name: str, value: object, unit: str) -> None:
 
 def format_number(value: float) -> str:
     """
-    Return a number as text with at most five significant digits: 0.5, not 0.500; 0, not -0.
+    Return a number as text with at most five significant digits.
+
+    Examples: 0.5 instead of 0.500, and 0 instead of -0.
 
     :param value: the number
     """

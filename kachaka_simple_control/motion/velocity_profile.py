@@ -12,13 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Time-optimal S-curves along a path under velocity, acceleration and jerk limits.
+The fastest velocities along a path under limits of velocity, acceleration and jerk (S-curves).
 
-``time_optimal_profile()`` plans from rest to rest.  ``replan_to_rest()`` and ``replan_through()``
-plan the remaining path again from a state in motion: slow down, stop, or speed up again.
+``time_optimal_profile()`` plans a path from rest to rest.  ``replan_to_rest()`` and
+``replan_through()`` plan the rest of a path again while the robot moves, so that it slows down,
+stops or speeds up.
 
-The unit u is the unit of the path: metre, radian, or second for a step with given velocities.
-A number in round brackets, such as (2), is the number of a formula in docs/theory.md.
+The unit u is the unit of the path: metre, radian, or second for a step that holds a velocity for a
+time.  In comments, a number in round brackets, such as (2), is the number of a formula in
+docs/theory.md.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ class PathState(NamedTuple):
     """
     Position, velocity and acceleration along a path.
 
-    The unit u is m, rad, or s for a step with given velocities.
+    The unit u of the path is m, rad or s.  It is s for a step that holds a velocity for a time.
 
     :param position: the distance from the start of the path [u]
     :param velocity: the velocity along the path [u/s], not negative
@@ -61,7 +63,7 @@ class PathLimits(NamedTuple):
     """
     The limits along a path segment; each is positive or infinite.
 
-    The unit u is m, rad, or s for a step with given velocities.
+    The unit u of the segment is m, rad or s.  It is s for a step that holds a velocity for a time.
 
     :param velocity: largest velocity [u/s]
     :param acceleration: largest acceleration [u/s^2]
@@ -78,9 +80,9 @@ class PathLimits(NamedTuple):
 @dataclass(frozen=True)
 class Ramp:
     """
-    A velocity ramp from rest: the acceleration rises, may stay constant, and falls to zero.
+    A rise of the velocity from rest to a given velocity.
 
-    The unit u is m or rad.
+    The acceleration rises, may stay constant, and falls to zero.  The unit u is m or rad.
 
     :param velocity: the velocity at the end [u/s]
     :param acceleration: the largest acceleration [u/s^2]; 0 if the duration is 0
@@ -96,12 +98,18 @@ class Ramp:
 
     @property
     def distance(self) -> float:
-        """Return the length of the ramp [m or rad]; see formula (2) of docs/theory.md."""
+        """
+        Return the distance that is covered during the velocity ramp [m or rad].
+
+        See formula (2) of docs/theory.md.
+        """
         return self.velocity * self.duration / 2.0
 
     def state_at(self, time: float) -> PathState:
         """
-        Return the state at a time; see formulas (3) and (4) of docs/theory.md.
+        Return the position, velocity and acceleration at a time of the velocity ramp.
+
+        See formulas (3) and (4) of docs/theory.md.
 
         :param time: the time since the start of the ramp [s], from 0 to the duration
         """
@@ -124,10 +132,12 @@ class Ramp:
 
     def means(self, part: float, count: int) -> list[float]:
         """
-        Return the mean velocity in each of several equal time parts [m/s or rad/s].
+        Return the mean velocity in each of several equal time parts of a ramp [m/s or rad/s].
+
+        The ramp is a rise of the velocity from rest.
 
         :param part: the duration of each part [s]; the first part starts with the ramp
-        :param count: the number of parts; except for rounding, none ends after the end of the ramp
+        :param count: the number of parts; except for rounding, all parts end within the ramp
         """
         times = [index * part for index in range(count + 1)]
         times[-1] = min(times[-1], self.duration)
@@ -137,9 +147,10 @@ class Ramp:
 
 def ramp(velocity: float, acceleration: float, jerk: float) -> Ramp:
     """
-    Return the fastest ramp to a velocity; if both limits are infinite, its duration is 0.
+    Return the fastest rise of the velocity from rest to a given velocity.
 
-    The unit u is m or rad.
+    If ``acceleration`` and ``jerk`` are both infinite, the duration of the rise is 0.  The unit u
+    is m or rad.
 
     :param velocity: the velocity at the end [u/s], finite, not negative
     :param acceleration: the largest acceleration [u/s^2], positive; may be infinite
@@ -155,15 +166,16 @@ def ramp(velocity: float, acceleration: float, jerk: float) -> Ramp:
 @dataclass(frozen=True)
 class VelocityProfile:
     """
-    A ramp up, a cruise at constant velocity, and a ramp down; the ramps may differ.
+    The velocity over time from rest to rest: a ramp up, a constant velocity, and a ramp down.
 
-    The velocity is zero before and after the profile.  If the velocity jumps at a time, the
-    state at this time has the velocity after the jump.  The unit u is m or rad.
+    The two ramps may differ.  The velocity is zero before and after the profile.  If the velocity
+    jumps at a time, ``state_at()`` returns the velocity after the jump for this time.  The unit u
+    is m or rad.
 
-    :param distance: the distance [u], not negative
+    :param distance: the distance that is covered [u], not negative
     :param rise: the ramp up
-    :param cruise: the duration of the cruise [s]
-    :param fall: the ramp down, given as a ramp up with the time reversed
+    :param cruise: the duration of the part with constant velocity [s]
+    :param fall: the ramp down, described as a ramp up that is passed backwards in time
     """
 
     distance: float
@@ -173,17 +185,19 @@ class VelocityProfile:
 
     @property
     def velocity(self) -> float:
-        """Return the largest velocity [m/s or rad/s]."""
+        """Return the largest velocity of the velocity profile [m/s or rad/s]."""
         return self.rise.velocity
 
     @property
     def duration(self) -> float:
-        """Return the duration of the profile [s]."""
+        """Return the duration of the velocity profile [s]."""
         return self.rise.duration + self.cruise + self.fall.duration
 
     def state_at(self, time: float) -> PathState:
         """
-        Return the state at a time; see formula (5) of docs/theory.md.
+        Return the position, velocity and acceleration at a time of the velocity profile.
+
+        See formula (5) of docs/theory.md.
 
         :param time: the time since the start [s]; before the start and after the end are allowed
         """
@@ -200,11 +214,12 @@ class VelocityProfile:
 
     def means(self, count: int) -> list[float]:
         """
-        Return the mean velocity in each of several equal time parts.
+        Return the mean velocity in each of several equal time parts of the velocity profile.
 
         :param count: the number of parts, 1 or more
-        :returns: the mean velocities [m/s or rad/s].  They keep the limits.  Their sum times the
-            duration of one part is the distance.  See formulas (11) and (12) of docs/theory.md
+        :returns: the mean velocities [m/s or rad/s].  They keep the limits of velocity,
+            acceleration and jerk.  Their sum times the duration of one part is the distance of the
+            profile.  See formulas (11) and (12) of docs/theory.md
         """
         part = self.duration / count
         rise, fall = self.rise.duration / part, self.fall.duration / part
@@ -224,7 +239,14 @@ class VelocityProfile:
         return [min(mean, self.velocity) for mean in means]
 
     def _mean(self, start: float, part: float) -> float:
-        """Return the mean velocity in one time part; see formula (11) of docs/theory.md."""
+        """
+        Return the mean velocity in one time part of the velocity profile [m/s or rad/s].
+
+        See formula (11) of docs/theory.md.
+
+        :param start: the start of the time part, since the start of the profile [s]
+        :param part: the duration of the time part [s]
+        """
         times = (start, start + part)
         rise, fall, top = self.rise, self.fall, self.rise.duration
         up = [rise.state_at(min(time, top)).position for time in times]
@@ -238,9 +260,9 @@ def time_optimal_profile(
         distance: float, velocity: float, acceleration: float = math.inf,
         deceleration: float = math.inf, jerk: float = math.inf) -> VelocityProfile:
     """
-    Return the fastest profile over a distance; each limit is positive and may be infinite.
+    Return the fastest velocity profile that covers a distance from rest to rest.
 
-    The unit u is m or rad.
+    Each limit is positive and may be infinite.  The unit u is m or rad.
 
     :param distance: the distance [u], finite, not negative
     :param velocity: the largest velocity [u/s]
@@ -248,8 +270,8 @@ def time_optimal_profile(
     :param deceleration: the largest deceleration [u/s^2]
     :param jerk: the largest rate of change of acceleration and deceleration [u/s^3]
     :returns: the profile; if the distance is 0, its duration is 0
-    :raises InvalidMotionError: if all four limits are infinite, because the profile would take
-        no time
+    :raises InvalidMotionError: if all four limits are infinite, because the profile would take no
+        time
     """
     peak = min(velocity, _unlimited_peak(distance, acceleration, deceleration, jerk))
     if peak == math.inf:
@@ -263,9 +285,16 @@ def time_optimal_profile(
 def _unlimited_peak(
         distance: float, acceleration: float, deceleration: float, jerk: float) -> float:
     """
-    Return the peak velocity of a profile that has no velocity limit, and so no cruise.
+    Return the peak velocity when a distance is driven as fast as possible, from rest to rest.
 
-    See formulas (6) to (10) of docs/theory.md.
+    The velocity itself has no limit.  See formulas (6) to (10) of docs/theory.md.  The unit u is m
+    or rad.
+
+    :param distance: the distance [u]
+    :param acceleration: the largest acceleration [u/s^2]
+    :param deceleration: the largest deceleration [u/s^2]
+    :param jerk: the largest rate of change of acceleration and deceleration [u/s^3]
+    :returns: the peak velocity [u/s]; infinite if all three limits are infinite
     """
     if jerk == math.inf:
         slowness = 1.0 / acceleration + 1.0 / deceleration
@@ -286,11 +315,11 @@ def _unlimited_peak(
 
 class Phase(NamedTuple):
     """
-    A time interval with a constant jerk; the unit u is m, rad or s.
+    A time interval with a constant jerk; the unit u of the path is m, rad or s.
 
-    :param start: the state at the start of the phase
+    :param start: position, velocity and acceleration at the start of the interval
     :param jerk: the rate of change of the acceleration [u/s^3]
-    :param duration: the duration of the phase [s]
+    :param duration: the duration of the interval [s]
     """
 
     start: PathState
@@ -298,7 +327,13 @@ class Phase(NamedTuple):
     duration: float
 
     def state_at(self, time: float) -> PathState:
-        """Return the state at a time since the start of the phase [s]."""
+        """
+        Return the position, velocity and acceleration at a time within the phase.
+
+        The phase is a time interval with a constant jerk.
+
+        :param time: the time since the start of the phase [s]
+        """
         position, velocity, acceleration = self.start
         return PathState(
             position + time * (velocity + time * (acceleration / 2.0 + time * self.jerk / 6.0)),
@@ -307,17 +342,22 @@ class Phase(NamedTuple):
 
     @property
     def end(self) -> PathState:
-        """Return the state at the end of the phase."""
+        """
+        Return the position, velocity and acceleration at the end of the phase.
+
+        The phase is a time interval with a constant jerk.
+        """
         return self.state_at(self.duration)
 
 
 @dataclass(frozen=True)
 class Replanned:
     """
-    A new plan for the rest of a path: to its end, or to a stop before its end.
+    A new plan for the rest of a path: to the end of the path, or to a stop before this end.
 
-    :param phases: the phases of constant jerk, in order; the velocity may jump between phases
-    :param end: the state at the end of the movement
+    :param phases: the time intervals of constant jerk, in order; the velocity may jump between
+        them
+    :param end: position, velocity and acceleration at the end of the new plan
     """
 
     phases: tuple[Phase, ...]
@@ -325,15 +365,15 @@ class Replanned:
 
     @property
     def duration(self) -> float:
-        """Return the duration of the movement [s]."""
+        """Return the duration of the new plan for the rest of the path [s]."""
         return math.fsum(phase.duration for phase in self.phases)
 
     def state_at(self, time: float) -> PathState:
         """
-        Return the state at a time.
+        Return the position, velocity and acceleration along the path at a time of the new plan.
 
-        :param time: the time since the start [s], not negative; after the end of the movement,
-            the state is ``end``
+        :param time: the time since the start of the new plan [s], not negative.  After the end of
+            the plan, the result is ``end``
         """
         for phase in self.phases:
             if time < phase.duration:
@@ -349,11 +389,13 @@ def replan_to_rest(
 
     The path is never driven backwards.  See formulas (15) and (16) of docs/theory.md.
 
-    :param state: the current state; a stop before the end of the path must be possible from it
-    :param distance: the length of the path [u], where u is m or rad
-    :param velocity: the wanted velocity [u/s].  It is reached as soon as possible.  If the path
-        is too short for it, a lower velocity is used.  0 means a stop as soon as possible
-    :param limits: the limits; their ``velocity`` is not used
+    :param state: the current position, velocity and acceleration; a stop before the end of the
+        path must still be possible
+    :param distance: the length of the whole path [u], where u is m or rad
+    :param velocity: the wanted velocity [u/s].  It is reached as soon as possible.  If the path is
+        too short for it, a lower velocity is used.  0 means a stop as soon as possible
+    :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
+        used
     """
     top = velocity
     left = distance - state.position
@@ -374,14 +416,15 @@ def replan_to_rest(
 
 def _largest_velocity(state: PathState, left: float, velocity: float, limits: PathLimits) -> float:
     """
-    Return the largest velocity from which the robot can stop before the end of the path.
+    Return the largest velocity that the robot can reach and still stop within the path.
 
     See formula (16) of docs/theory.md.
 
-    :param state: the current state
+    :param state: the current position, velocity and acceleration
     :param left: the length of the remaining path [u], where u is m or rad
     :param velocity: a velocity that is too large [u/s]
-    :param limits: the limits; their ``velocity`` is not used
+    :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
+        used
     """
     def is_too_fast(top: float) -> bool:
         return _distance_to_rest(state, top, limits) > left
@@ -399,11 +442,12 @@ def replan_through(
     """
     Plan the rest of a path again: change to a velocity, and keep it until the end of the path.
 
-    :param state: the current state
-    :param distance: the length of the path [u], where u is m, rad or s
+    :param state: the current position, velocity and acceleration
+    :param distance: the length of the whole path [u], where u is m, rad or s
     :param velocity: the velocity to reach as soon as possible [u/s].  0 means a stop; if the rest
         of the path is too short to stop, the velocity at its end is not zero
-    :param limits: the limits; their ``velocity`` is not used
+    :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
+        used
     """
     phases: list[Phase] = []
     for phase in _change_velocity(state, velocity, limits):
@@ -419,7 +463,16 @@ def replan_through(
 
 
 def _distance_to_rest(state: PathState, velocity: float, limits: PathLimits) -> float:
-    """Return the distance needed to change to a velocity and then to stop [m or rad]."""
+    """
+    Return the distance needed to change to a velocity and then to stop [m or rad].
+
+    Both changes are as fast as the limits allow.
+
+    :param state: the current position, velocity and acceleration; its position is not used
+    :param velocity: the velocity to change to before the stop [m/s or rad/s]
+    :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
+        used
+    """
     start = PathState(0.0, *state[1:])
     for wanted in (velocity, 0.0):
         for phase in _change_velocity(start, wanted, limits):
@@ -430,9 +483,12 @@ def _distance_to_rest(state: PathState, velocity: float, limits: PathLimits) -> 
 
 def _velocity_at_zero_acceleration(state: PathState, limits: PathLimits) -> float:
     """
-    Return the velocity that is reached if the acceleration goes to zero at the largest jerk.
+    Return the velocity that is reached when the acceleration goes to zero at the largest jerk.
 
     See formula (15) of docs/theory.md.
+
+    :param state: the current position, velocity and acceleration
+    :param limits: the limits, of which only the jerk is used
     """
     if limits.jerk == math.inf:
         return state.velocity
@@ -443,8 +499,14 @@ def _change_velocity(state: PathState, velocity: float, limits: PathLimits) -> I
     """
     Yield the phases of the fastest change to a velocity, with zero acceleration at the end.
 
-    See formula (15) of docs/theory.md.  If only the jerk is unlimited, the acceleration jumps.  If
-    the acceleration is unlimited too, the velocity jumps.
+    A phase is a time interval with a constant jerk.  See formula (15) of docs/theory.md.  If only
+    the jerk is unlimited, the acceleration jumps.  If the acceleration is unlimited too, the
+    velocity jumps.
+
+    :param state: the current position, velocity and acceleration
+    :param velocity: the velocity at the end of the change
+    :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
+        used
     """
     rises = velocity >= _velocity_at_zero_acceleration(state, limits)
     sign, bound = (1.0, limits.acceleration) if rises else (-1.0, limits.deceleration)
@@ -469,7 +531,8 @@ def _time_to(phase: Phase, position: float) -> float:
     """
     Return the time since the start of a phase at which a position is reached [s].
 
-    The velocity must not be negative in the phase.
+    A phase is a time interval with a constant jerk.  The velocity must not be negative in the
+    phase.
     """
     return bisection(
         0.0, phase.duration, lambda time: phase.state_at(time).position >= position)[1]
@@ -479,12 +542,13 @@ def bisection(
         low: float, high: float, is_above: Callable[[float], bool],
         count: int = BISECTIONS) -> tuple[float, float]:
     """
-    Return a lower and an upper bound of a wanted number, found by bisection.
+    Find a number in an interval by bisection, which halves the interval repeatedly.
 
     :param low: the lower end of the interval
     :param high: the upper end of the interval
-    :param is_above: whether a number within the interval is above the wanted number
-    :param count: how often the interval is halved
+    :param is_above: a function that returns whether its argument is above the number to find
+    :param count: how often the interval is halved at most
+    :returns: the lower end and the upper end of the last interval, which contains the number
     """
     for _ in range(count):
         middle = (low + high) / 2.0
