@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Results, paths and calibration fits, computed from the log of a drive or from a plan."""
+"""Compute results, paths and calibrations from the log of a robot's drive, or from a plan."""

@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Fit the calibration of a robot to the odometry of a known motion.
+Compute the calibration of a robot from the odometry of a known motion.
 
-A calibration has the gains of the velocities, the delay of the robot, and its veer: the unwanted
-turn for each metre.
+A calibration contains three things: the gains, which are true velocity divided by sent velocity;
+the veer, which is the unwanted turn for each metre driven; and the delay between a command and the
+movement.
 """
 
 from __future__ import annotations
@@ -50,11 +51,11 @@ CHANCE = 4.0
 
 
 class CalibrationError(RunFaultError):
-    """A drive gives no valid calibration; the message gives the reason."""
+    """An error: a drive gives no valid calibration.  The text of the error gives the reason."""
 
 
 class Estimate(NamedTuple):
-    """A value and its standard error."""
+    """An estimated value and its standard error, in the same unit."""
 
     value: float
     error: float
@@ -63,14 +64,16 @@ class Estimate(NamedTuple):
 @dataclass(frozen=True)
 class CalibrationFit:
     """
-    The result of a fit to a calibration drive.
+    A calibration that was computed from the odometry of a drive.
 
     :param gains: the true velocity divided by the sent velocity, for each direction: forward,
         backward, left, right
     :param veer: the unwanted turn for each metre forwards [rad/m], positive to the left
-    :param delay: how late the robot follows a command [s]: the dead time plus the lag
-    :param position_noise: the standard deviation of the position in odometry [m]
-    :param heading_noise: the standard deviation of the heading in odometry [rad]
+    :param delay: the delay between a command and the movement [s]: the dead time plus the lag
+    :param position_noise: the standard deviation of odometry's position while the robot stands
+        still, along one axis [m]
+    :param heading_noise: the standard deviation of odometry's heading while the robot stands still
+        [rad]
     """
 
     gains: dict[str, Estimate]
@@ -81,10 +84,12 @@ class CalibrationFit:
 
     def calibration(self, date: str, floor: str) -> Calibration:
         """
-        Return a calibration with the fitted values, rounded.
+        Return the fitted values, rounded, as a calibration that can be stored.
+
+        A negative delay, which noise can cause, is replaced by 0.
 
         :param date: the date of the measurement, as text
-        :param floor: the floor of the measurement, as text
+        :param floor: a description of the floor on which the robot drove, as text
         """
         gains = {f'{name}_gain': round(gain.value, 5) for name, gain in self.gains.items()}
         return Calibration(
@@ -94,12 +99,12 @@ class CalibrationFit:
 
 class Rest(NamedTuple):
     """
-    The mean pose of a robot that stands still, from odometry, and the noise of the samples.
+    The mean pose of a robot that stands still, from odometry, and the noise of odometry.
 
     :param pose: the mean pose
-    :param samples: the number of samples
-    :param position_noise: the standard deviation of the position [m]
-    :param heading_noise: the standard deviation of the heading [rad]
+    :param samples: the number of odometry samples in the mean
+    :param position_noise: the standard deviation of the samples' positions, along one axis [m]
+    :param heading_noise: the standard deviation of the samples' headings [rad]
     """
 
     pose: Pose
@@ -109,7 +114,13 @@ class Rest(NamedTuple):
 
 
 class _Drive(NamedTuple):
-    """The gain, the veer and the delay of one step, from odometry; a turn has no veer."""
+    """
+    The results for one moving step of a calibration drive, from odometry.
+
+    The direction is forward, backward, left or right.  The gain is the displacement in odometry
+    divided by the requested displacement.  The veer is the unwanted turn for each metre [rad/m];
+    it is None for a turn in place.  The delay is the time between a command and the movement [s].
+    """
 
     direction: str
     gain: Estimate
@@ -119,17 +130,25 @@ class _Drive(NamedTuple):
 
 def fit_calibration(log: DriveLog) -> CalibrationFit:
     """
-    Fit a calibration to a drive of the motion ``calibration``.
+    Compute a calibration from a drive of the library motion ``calibration``.
 
-    The gain of a step is the displacement from odometry divided by the requested displacement.
-    The displacement from odometry is from the rest before the step to the rest after it.
+    The motion has moving steps, and a rest before and after each of them.  A rest is a step in
+    which the robot stands still.
 
-    For the delay, the sent and the reported displacement are compared as two curves over time.
-    The delay is the area between the curves, divided by the displacement of the step.  It is the
-    dead time plus the time constant of the lag, for a lag of any order.
+    The gain of a moving step is its displacement in odometry divided by its requested
+    displacement.  The displacement in odometry is measured from the mean pose in the rest before
+    the step to the mean pose in the rest after the step.
 
-    :param log: the drive; a rest comes before and after each moving step
-    :raises CalibrationError: if the drive gives no valid calibration
+    The delay of a moving step is computed from two curves over time: the displacement according to
+    the sent velocities, and the displacement in odometry divided by the gain.  The delay is the
+    area between the two curves, divided by the requested displacement.  It is the dead time plus
+    the time constant of the lag, for a lag of any order.
+
+    :param log: the log of the drive
+    :returns: the gains, the delay and the veer (the unwanted turn for each metre), with their
+        standard errors
+    :raises CalibrationError: if the drive was not completed at the planned speed, or a result is
+        out of range or too uncertain
     """
     steps = completed_steps(log)
     sent = DeadReckoning(log.sent, log.command_timeout)
@@ -159,9 +178,10 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
 
 def completed_steps(log: DriveLog) -> list[StepLog]:
     """
-    Return the steps of a drive, if it was completed as planned; else raise an error.
+    Return the steps of a drive if it was completed at the planned speed; else raise an error.
 
-    :param log: the drive
+    :param log: the log of the drive
+    :returns: the steps, in order, each with its sent velocities
     :raises CalibrationError: if the drive was not completed, or was paused or slowed down
     """
     steps = log.steps
@@ -174,11 +194,14 @@ def completed_steps(log: DriveLog) -> list[StepLog]:
 
 def find_rest(odometry: Sequence[OdometryReceived], step: StepLog) -> Rest:
     """
-    Return the mean pose in the last second of a rest, from odometry.
+    Return the mean pose and the noise of odometry in the last second of a rest.
 
-    :param odometry: the plausible odometry samples of the drive
-    :param step: the rest, a step in which the robot stands still
-    :raises CalibrationError: if odometry has too few samples, or the robot did not stand still
+    A rest is a step in which the robot stands still.
+
+    :param odometry: the odometry samples of the drive, without samples with implausible values
+    :param step: the rest
+    :raises CalibrationError: if there are too few odometry samples in this second, or the robot
+        did not stand still
     """
     end = step.began + step.planned.duration
     poses = [sample.pose for sample in odometry if end - REST <= sample.time <= end]
@@ -207,14 +230,18 @@ def _drive(
         odometry: Sequence[OdometryReceived], sent: DeadReckoning, step: StepLog, before: Rest,
         after: Rest, end: float) -> _Drive:
     """
-    Return the gain, the veer and the delay of a step, from odometry.
+    Compute the gain, the veer and the delay of one moving step from odometry.
 
-    :param odometry: the plausible odometry samples of the drive
-    :param sent: the path that follows from the sent velocities
-    :param step: the step
-    :param before: the rest before the step
-    :param after: the rest after the step
-    :param end: the time at which the rest after the step ends [s]
+    The gain is the displacement in odometry divided by the requested displacement.  The veer is
+    the unwanted turn for each metre.  The delay is the time between a command and the movement.  A
+    rest, a step in which the robot stands still, comes before and after the moving step.
+
+    :param odometry: the odometry samples of the drive, without samples with implausible values
+    :param sent: the path of a robot that follows the sent velocities exactly
+    :param step: the moving step
+    :param before: the mean pose and the noise of odometry in the rest before the step
+    :param after: the mean pose and the noise of odometry in the rest after the step
+    :param end: the time at which the rest after the step ends [s on the steady clock]
     :raises CalibrationError: if the gain is out of range
     """
     is_straight = step.step.displacement.distance != 0.0
@@ -243,20 +270,21 @@ def _drive(
 
 class _StepExtent(NamedTuple):
     """
-    The requested and the reported displacement of a step [m or rad].
+    The displacement of one moving step, as requested and as reported by odometry.
 
-    A step backwards or to the right also has a positive displacement, because the displacement is
-    measured in the direction of the step.
+    Displacements are distances [m] of a straight step, or angles [rad] of a turn in place.  They
+    are measured in the direction of the step: driving 1 m backwards as requested is +1 m.
 
     :param direction: forward, backward, left or right
     :param requested: the requested displacement
     :param reported: the displacement in odometry, from the standstill before the step to the
-        standstill after it
+        standstill after the step
     :param error: the standard error of the reported displacement
-    :param veer: the unwanted turn for each metre, from odometry [rad/m]; None for a turn
-    :param sent_distance: a function that returns the displacement along the step, from its start
-        to a pose of the sent path
-    :param reported_distance: the same function for a pose of odometry
+    :param veer: the unwanted turn for each metre forwards, from odometry [rad/m]; None for a turn
+    :param sent_distance: a function that takes a pose on the path of the sent velocities; it
+        returns the displacement from the start of the step to this pose
+    :param reported_distance: a function that takes a pose in odometry; it returns the displacement
+        from the start of the step to this pose
     """
 
     direction: str
@@ -300,7 +328,16 @@ def _turn(requested: Displacement, before: Rest, after: Rest, origin: Pose) -> _
 
 
 def _error(before: Rest, after: Rest, noise: str) -> float:
-    """Return the standard error of the difference between the mean poses of two rests."""
+    """
+    Return the standard error of the difference between the mean poses of two rests.
+
+    A rest is a step in which the robot stands still.
+
+    :param before: the mean pose and the noise of odometry in the first rest
+    :param after: the mean pose and the noise of odometry in the second rest
+    :param noise: the name of the noise to use: ``position_noise`` or ``heading_noise``
+    :returns: the standard error of the position along one axis [m], or of the heading [rad]
+    """
     return math.hypot(*(
         float(getattr(rest, noise)) / math.sqrt(rest.samples) for rest in (before, after)))
 
@@ -322,10 +359,10 @@ def _gain(direction: str, gains: Sequence[Estimate]) -> Estimate:
 
 def _mean(estimates: Sequence[Estimate]) -> Estimate:
     """
-    Return the mean of estimates.
+    Return the mean of several estimates, with the standard error of the mean.
 
-    Its standard error follows from the errors of the estimates, or from the differences between
-    the estimates if this gives a larger value.
+    The standard error is computed in two ways: from the standard errors of the estimates, and from
+    the differences between their values.  The larger result is used.
     """
     count = len(estimates)
     value = fmean([estimate.value for estimate in estimates])

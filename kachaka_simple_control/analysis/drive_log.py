@@ -14,8 +14,9 @@
 """
 The log of a drive: its plans, the sent velocities and the received odometry.
 
-Clock time is the time on the steady clock.  Plan time is the position on the plan: it stops in a
-pause, and runs more slowly than the clock at a reduced speed.
+Clock time is the time on the steady clock.  Plan time is the time in the plan that the robot has
+reached, counted from the start of the plan.  It stops in a pause.  At a reduced speed it passes
+more slowly than clock time.
 """
 
 from __future__ import annotations
@@ -48,14 +49,16 @@ ROUNDING = 1e-6
 
 class PlanTimeline:
     """
-    Converts between clock time and plan time, according to the messages of a motion.
+    Converts between clock time and plan time, from the sent messages of a motion.
 
-    Times between two messages are interpolated.  In a pause, many clock times have the same plan
-    time; this plan time is converted to the first of them.
+    Plan time is the time in the plan that the motion has reached.  It stops in a pause, and passes
+    more slowly than clock time at a reduced speed.  Between two messages, times are interpolated.
+    In a pause, many clock times have the same plan time.  This plan time is converted to the
+    earliest of these clock times.
 
     :param began: the time t = 0 of the motion [s on the steady clock]
-    :param messages: the messages of the motion, in order; the last one is the zero velocity that
-        ended the motion
+    :param messages: the velocity messages of the motion, in order; the last one is the zero
+        velocity that ended the motion
     """
 
     def __init__(self, began: float, messages: Sequence[VelocitySent]) -> None:
@@ -81,9 +84,11 @@ class PlanTimeline:
     @property
     def reached(self) -> float:
         """
-        Return the plan time that the motion has reached [s of the plan]; 0 without messages.
+        Return the plan time that the motion has reached [s]; 0 if no message was sent.
 
-        If a pause or a speed factor delayed the motion, the error is at most one period.
+        Plan time is counted from the start of the plan.  It stops in a pause, and passes more
+        slowly than the clock at a reduced speed.  If the motion was paused or slowed down, the
+        error of the result is at most one period of the messages.
         """
         if not self._messages:
             return 0.0
@@ -96,10 +101,13 @@ class PlanTimeline:
 
     def first(self, plan_time: float) -> int:
         """
-        Return the index of the first message at or after a plan time.
+        Return the index of the first velocity message at or after a plan time.
 
-        :param plan_time: the time since the start of the plan, at full speed [s]
-        :returns: the index; the number of messages if there is no such message
+        Plan time is counted from the start of the plan.  It stops in a pause, and passes more
+        slowly than the clock at a reduced speed.
+
+        :param plan_time: the plan time [s]
+        :returns: the index; if there is no such message, the number of messages
         """
         if self.is_delayed:
             return bisect_left(self._plan_times, plan_time - ROUNDING)
@@ -110,8 +118,11 @@ class PlanTimeline:
         """
         Return the clock time at which the motion first reaches a plan time.
 
-        :param plan_time: the plan time [s of the plan]
-        :returns: the clock time [s on the steady clock]; it is extrapolated after the last message
+        Plan time is counted from the start of the plan.  It stops in a pause, and passes more
+        slowly than the clock at a reduced speed.
+
+        :param plan_time: the plan time [s]
+        :returns: the time [s on the steady clock]; extrapolated if the last message is earlier
         """
         if not self.is_delayed:
             return self._began + plan_time
@@ -119,10 +130,13 @@ class PlanTimeline:
 
     def plan_time(self, time: float) -> float:
         """
-        Return the plan time of the motion at a clock time.
+        Return the plan time that the motion had reached at a clock time.
+
+        Plan time is counted from the start of the plan.  It stops in a pause, and passes more
+        slowly than the clock at a reduced speed.
 
         :param time: the clock time [s on the steady clock]
-        :returns: the plan time [s of the plan]
+        :returns: the plan time [s]
         """
         if not self.is_delayed:
             return time - self._began
@@ -132,11 +146,13 @@ class PlanTimeline:
 def _interpolated(arguments: Sequence[float], values: Sequence[float], argument: float,
                   index: int) -> float:
     """
-    Interpolate linearly between known values; outside their range, use a slope of one.
+    Return the value of a function at an argument, interpolated linearly between known points.
 
-    :param arguments: the arguments with known values, in ascending order
-    :param values: the value at each of these arguments
-    :param argument: the argument of the value to return
+    Before the first and after the last known point, the function is continued with a slope of one.
+
+    :param arguments: the arguments of the known points, in ascending order
+    :param values: the function values of the known points, in the same order
+    :param argument: the argument at which to compute the function
     :param index: the index in ``arguments`` at which ``argument`` would be inserted
     """
     if index in (0, len(arguments)):
@@ -150,11 +166,13 @@ def _interpolated(arguments: Sequence[float], values: Sequence[float], argument:
 @dataclass(frozen=True)
 class StepLog:
     """
-    A driven step and its sent messages.
+    A started step of a motion, and the velocity messages that were sent in it.
 
-    :param planned: the planned step
-    :param began: the time at which the plan reached the step [s on the steady clock]
-    :param sent: the messages of the step, and the first message after it, which ends the step
+    :param planned: the step with its planned times
+    :param began: the time at which the motion reached the start of the step [s on the steady
+        clock]
+    :param sent: the messages sent in the step, and the first message after them, which ends the
+        step
     :param is_complete: whether the step was driven to its end
     """
 
@@ -165,28 +183,32 @@ class StepLog:
 
     @property
     def step(self) -> Step:
-        """Return the requested step."""
+        """Return the step as it is written in the motion, for example an arc, without times."""
         return self.planned.step
 
     @property
     def is_delayed(self) -> bool:
-        """Return whether a pause or a speed factor below 1 delayed the step."""
+        """Return whether a pause or a reduced speed delayed the step."""
         return any(message.is_of_run and message.is_delayed for message in self.sent)
 
     @property
     def driven_duration(self) -> float:
-        """Return the time from the start of the step to its end [s], with pauses."""
+        """
+        Return the time from the start to the end of the step [s], including pauses.
+
+        Without sent messages, return 0.
+        """
         return self.sent[-1].time - self.began if self.sent else 0.0
 
 
 @dataclass
 class MotionLog:
     """
-    A motion, its sent messages and its end.
+    The log of one motion: its definition, its sent velocity messages, and how it ended.
 
-    :param planned: the planned motion
-    :param sent: all messages since the motion was planned, in order: zero velocities before the
-        motion, the motion's own messages, the zero velocities of the stop
+    :param planned: the event that the motion was planned, with the motion and the limits
+    :param sent: all messages since the motion was planned, in order: the zero velocities before
+        the motion, the velocities of the motion, and the zero velocities of the stop
     :param began: the time t = 0 of the motion [s on the steady clock]; nan before the start
     :param ended: the end time [s on the steady clock]; None before the end
     :param reason: the reason for an early end; None if the motion was driven to its end
@@ -221,17 +243,27 @@ class MotionLog:
 
     @cached_property
     def plan(self) -> Plan:
-        """Return the plan of the motion."""
+        """Return the plan of the motion, computed from the motion and its limits and rate."""
         return plan(self.planned.motion, self.planned.limits, self.planned.rate)
 
     @property
     def timeline(self) -> PlanTimeline:
-        """Return the conversion between clock time and plan time of the motion."""
+        """
+        Return an object that converts between clock time and plan time.
+
+        Plan time is the time in the plan that the motion has reached.  It stops in a pause, and
+        passes more slowly than clock time at a reduced speed.
+        """
         return PlanTimeline(self.began, self.own_messages)
 
     @property
     def own_messages(self) -> Sequence[VelocitySent]:
-        """Return the motion's own messages, with the zero velocity that ended the motion."""
+        """
+        Return the velocity messages of the motion, in order; empty if none was sent.
+
+        The zero velocities before the motion are left out.  The last message is the zero velocity
+        that ended the motion, if it was sent.
+        """
         if self._own is None:
             return ()
         first, last = self._own
@@ -240,7 +272,7 @@ class MotionLog:
 
     @property
     def steps(self) -> list[StepLog]:
-        """Return the started steps of the motion, in order."""
+        """Return the started steps of the motion, in order, each with its sent messages."""
         own = self.own_messages
         if not own:
             return []
@@ -264,15 +296,17 @@ class MotionLog:
 @dataclass
 class DriveLog:
     """
-    The log of a drive, filled from events.
+    The log of a drive.  It is filled from events, such as a sent velocity or an odometry sample.
 
-    :param session_started: the start of the session; None before the start
-    :param motions: the planned motions, in order
+    :param session_started: the event that the program began to use the robot; None before it
+    :param motions: the logs of all planned motions, in order
     :param odometry: all received odometry samples, in order
-    :param speed_changes: the changes of the speed factor, in order; before them, the factor is 1
-    :param session_ended: the end of the session; None before the end, or if the program was
-        killed
-    :param other_messages: the messages sent before the first motion, or in a run without a plan
+    :param speed_changes: the changes of the speed factor, in order.  The speed factor is the speed
+        relative to the plan; before the first change it is 1
+    :param session_ended: the event that the program released the robot; None before it, or if the
+        program was killed
+    :param other_messages: the velocity messages sent before the first motion was planned, or while
+        velocities were commanded without a plan
     """
 
     session_started: SessionStarted | None = None
@@ -286,23 +320,23 @@ class DriveLog:
 
     @property
     def steps(self) -> list[StepLog]:
-        """Return the started steps of all motions, in order."""
+        """Return the started steps of all motions, in order, each with its sent messages."""
         return [step for motion in self.motions for step in motion.steps]
 
     @property
     def sent(self) -> list[VelocitySent]:
-        """Return all sent messages, in order of time."""
+        """Return all velocity messages of the drive, in order of time."""
         of_motions = [message for motion in self.motions for message in motion.sent]
         return sorted([*self.other_messages, *of_motions], key=attrgetter('time'))
 
     @property
     def command_timeout(self) -> float:
-        """Return the time until the robot stops without a new velocity [s]; inf if unknown."""
+        """Return how long the robot keeps a velocity without a new message [s]; inf if unknown."""
         started = self.session_started
         return math.inf if started is None else started.command_timeout
 
     def on_event(self, event: Event) -> None:
-        """Add an event to the log."""
+        """Add an event of the drive, such as a sent velocity or an odometry sample, to the log."""
         match event:
             case VelocitySent():
                 self._on_velocity(event)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Compare the times at which the messages of a drive were sent with its plans."""
+"""Compare the times at which velocity messages were sent with the times that the plans require."""
 
 from __future__ import annotations
 
@@ -37,7 +37,11 @@ class Quantiles:
 
 
 def quantiles(values: Sequence[float]) -> Quantiles | None:
-    """Return the quantiles of numbers in any order; None if there are no numbers."""
+    """
+    Return the median, the 99th percentile and the largest value; None without values.
+
+    :param values: the numbers, in any order
+    """
     if not values:
         return None
     ordered = sorted(values)
@@ -46,12 +50,11 @@ def quantiles(values: Sequence[float]) -> Quantiles | None:
 
 def quantile(values: Sequence[float], part: float) -> float:
     """
-    Return a quantile of some values.
+    Return a quantile of numbers: the value below which a given fraction of the numbers lies.
 
     :param values: at least one number, in any order; may contain infinity
-    :param part: the fraction of the values that are below the quantile; with 0, the smallest value
-        is returned, with 1 the largest
-    :returns: the quantile, interpolated between the two nearest values
+    :param part: the fraction, from 0 to 1; 0 gives the smallest number, and 1 the largest
+    :returns: the quantile, interpolated between the two nearest numbers
     """
     ordered = sorted(values)
     place = part * (len(ordered) - 1)
@@ -75,20 +78,23 @@ LOST = 0.5
 @dataclass(frozen=True)
 class Timing:
     """
-    The timing accuracy of a drive's messages.
+    The timing accuracy of the velocity messages of a drive.
 
-    A tick is a time at which a plan requires a message.
+    A tick is a time at which a plan requires a message.  The period is the time between two
+    messages.
 
     :param due: the number of ticks
     :param late: the number of ticks whose message is a quarter to half a period early or late
     :param lost: the number of ticks without a message within half a period before or after
-    :param interval_errors: each interval between two messages minus the planned interval [s]
-    :param lateness: the absolute time differences between messages and their ticks [s]; None
-        without messages
-    :param jitter: the absolute values of ``interval_errors`` [s]; None without intervals
+    :param interval_errors: the time between two consecutive messages minus the planned time
+        between them [s], for each such pair
+    :param lateness: median, 99th percentile and maximum of the absolute time differences between
+        messages and their ticks [s]; None without messages
+    :param jitter: median, 99th percentile and maximum of the absolute ``interval_errors`` [s];
+        None if there are no such values
     :param periods: the periods of the plans, without duplicates [s]
-    :param unjudged: the number of messages that are not compared with the plan: after a pause or
-        a speed factor delayed a message of a motion, this message and all later ones
+    :param unjudged: the number of messages that are not compared with the plan: in each motion,
+        the first message that a pause or a reduced speed delayed, and all later messages
     """
 
     due: int
@@ -103,10 +109,13 @@ class Timing:
 
 def timing(motions: Sequence[MotionLog]) -> Timing:
     """
-    Compare the message times of motions with their plans.
+    Compute the timing accuracy of the velocity messages of one or more motions.
 
-    For each motion, the comparison ends at the first message that was delayed by a pause or a
-    speed factor.  Motions that never started do not count.
+    The sent times are compared with the times that the plans require.  For each motion, the
+    comparison ends before the first message that a pause or a reduced speed delayed.  Motions that
+    never started do not count.
+
+    :param motions: the logs of the motions
     """
     late = lost = due = unjudged = 0
     interval_errors: list[float] = []
@@ -140,7 +149,8 @@ def due_times(plan: Plan, until: float) -> list[float]:
     """
     Return the times at which a plan requires messages.
 
-    A message is due at the start of each segment, and after each period within the segment.
+    A plan consists of segments, time intervals with a constant velocity.  A message is due at the
+    start of each segment, and then after each period until the end of the segment.
 
     :param plan: the plan
     :param until: leave out times at or after this one [s after t = 0]
@@ -162,12 +172,15 @@ def _timed_until(motion: MotionLog) -> float:
 def _sent_at(due: Sequence[float], messages: Sequence[VelocitySent],
              began: float) -> list[float | None]:
     """
-    Return the time at which the message of each tick was sent.
+    Return, for each tick, when its message was sent.
 
-    :param due: the planned time of each tick [s after t = 0], in order
-    :param messages: the messages, in order
+    A tick is a time at which the plan requires a message.
+
+    :param due: the ticks [s after t = 0], in order
+    :param messages: the sent messages, in order
     :param began: the time t = 0 [s on the steady clock]
-    :returns: the time of each tick's message [s after t = 0]; None for a tick without a message
+    :returns: the time at which the message of each tick was sent [s after t = 0], in the order of
+        the ticks; None for a tick without a message
     """
     found: list[float | None] = [None] * len(due)
     for message in messages:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The planned, sent and reported paths of a drive in one frame."""
+"""Compute the planned path, the path of the sent velocities and the odometry path in one frame."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ from kachaka_simple_control.motion.geometry import (
 
 class DeadReckoning:
     """
-    The path of a robot that drives exactly the sent velocities, from the origin.
+    The path of a robot that follows the sent velocities exactly, starting at the origin.
 
-    The robot drives each velocity until the next message, but not longer than the command timeout.
+    The robot keeps each velocity until the next message, but not longer than the command timeout.
 
     :param messages: the sent messages, in order
-    :param command_timeout: the time after which the robot stops without a new velocity [s]
+    :param command_timeout: the time after which the robot stops if no new message arrives [s]
     """
 
     def __init__(self, messages: Sequence[VelocitySent], command_timeout: float) -> None:
@@ -60,7 +60,11 @@ class DeadReckoning:
             self._velocities.append(message.velocity)
 
     def at(self, time: float) -> Pose:
-        """Return the pose at a time [s]; the origin before the first message."""
+        """
+        Return the pose on the path at a time [s]; before the first message, return the origin.
+
+        The path is that of a robot that follows the sent velocities exactly.
+        """
         index = bisect_right(self.times, time) - 1
         if index < 0:
             return ORIGIN
@@ -73,9 +77,10 @@ class DeadReckoning:
     @property
     def end(self) -> Pose:
         """
-        Return the last pose of the path, one command timeout after the last message.
+        Return the last pose on the path of a robot that follows the sent velocities exactly.
 
-        If the command timeout is infinite, return the pose at the last message.
+        The robot keeps the last velocity until the command timeout, and then stops.  If the
+        command timeout is infinite, return the pose at the time of the last message.
         """
         if not self.times:
             return ORIGIN
@@ -94,9 +99,12 @@ class MotionStart:
     """
     The start pose and the start time of a motion.
 
-    :param motion: the motion
-    :param pose: the start pose, relative to the robot's pose at t = 0 of the drive: the planned
-        end of the last motion, or where the sent velocities led if that motion ended early
+    The time t = 0 of a drive is the start of its first motion.
+
+    :param motion: the log of the motion
+    :param pose: the start pose, relative to the robot's pose at t = 0 of the drive.  It is the
+        planned end pose of the previous motion.  If the previous motion ended early, it is the
+        pose at the start time according to the sent velocities
     :param time: the start time [s after t = 0 of the drive]; None if the motion never started
     """
 
@@ -107,12 +115,15 @@ class MotionStart:
 
 class OdometrySample(NamedTuple):
     """
-    A sample of odometry, converted to a pose relative to the robot's pose at t = 0 of the drive.
+    An odometry sample whose pose is relative to the robot's pose at t = 0 of the drive.
+
+    The time t = 0 is the start of the first motion.  The expected pose is the pose at the time of
+    the sample according to the sent velocities.
 
     :param time: the time of the sample [s after t = 0 of the drive]
     :param pose: the converted pose
-    :param received: the sample as received
-    :param distance: the distance from the pose that is expected from the sent velocities [m]
+    :param received: the sample as it was received, with the pose in the frame of odometry
+    :param distance: the distance between the converted pose and the expected pose [m]
     :param angle: the heading minus the expected heading [rad], positive to the left
     """
 
@@ -125,11 +136,14 @@ class OdometrySample(NamedTuple):
 
 class AlignedDrive:
     """
-    The plans, messages and odometry of a drive, relative to the robot's pose at t = 0.
+    The plans, messages and odometry of a drive, all relative to the robot's pose at t = 0.
 
-    Odometry has a frame of its own, so its poses are transformed.  The last sample before t = 0,
-    or else the first sample, gives the transform: its pose is mapped to the pose that is expected
-    from the velocities sent until then.
+    The time t = 0 is the start of the first motion.  The poses in odometry have another frame and
+    are transformed.  The transform follows from one odometry sample: the last one before t = 0 or,
+    if there is none, the first one.  The transformed pose of this sample is equal to the pose at
+    that time according to the sent velocities.
+
+    :param log: the log of the drive
     """
 
     def __init__(self, log: DriveLog) -> None:
@@ -146,7 +160,11 @@ class AlignedDrive:
 
     @property
     def planned_end(self) -> Pose:
-        """Return the planned end pose of the last motion."""
+        """
+        Return the planned end pose of the last motion.
+
+        The pose is relative to the robot's pose at the start of the first motion.
+        """
         return _end_of(self.motion_starts)
 
     @property
@@ -154,7 +172,8 @@ class AlignedDrive:
         """
         Return the length of a time axis that shows the whole drive [s], above 0.
 
-        The axis ends at the last message, planned end or odometry sample, whichever is latest.
+        The axis starts at t = 0, the start of the first motion.  It ends at the last message, at
+        the last odometry sample or at the latest planned end of a motion, whichever is latest.
         """
         planned = [
             time for start in self.motion_starts if start.time is not None or not self.sent
@@ -167,8 +186,12 @@ class AlignedDrive:
         """
         Convert plan times of a motion to times of the drive.
 
+        Plan time is counted from the start of the plan.  It stops in a pause, and passes more
+        slowly than the clock at a reduced speed.  The time t = 0 of the drive is the start of its
+        first motion.
+
         :param start: the start of the motion
-        :param plan_times: the plan times [s of the plan]
+        :param plan_times: the plan times [s]
         :returns: the times [s after t = 0 of the drive]
         """
         timeline = start.motion.timeline
@@ -215,7 +238,12 @@ def _end_of(starts: Sequence[MotionStart]) -> Pose:
 
 
 def is_plausible(sample: OdometryReceived) -> bool:
-    """Return whether an odometry sample has finite values in a plausible range."""
+    """
+    Return whether the values of an odometry sample are plausible.
+
+    The time must be finite.  The absolute values of the pose [m, rad] and of the velocity [m/s,
+    rad/s] must be below 1e6.
+    """
     pose, velocity = sample.pose, sample.velocity
     return math.isfinite(sample.time) and all(abs(value) < MAX_VALUE for value in (
         pose.x, pose.y, pose.theta, velocity.linear_x, velocity.angular_z))

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Calibrate odometry with the motion of the robot, measured on the floor with a tape.
+Calibrate odometry: compare it with the motion of the robot, measured on the floor with a tape.
 
-The robot drives a straight line of 1 m and a whole turn, or squares in both directions.  The
-squares are the UMBmark method of Borenstein and Feng.
+The robot drives a straight line of 1 m and turns in place by 360 degrees, or it drives squares in
+both directions.  The method with squares is UMBmark by Borenstein and Feng.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ PATH_PERIOD = 0.1
 @dataclass(frozen=True)
 class FloorFit:
     """
-    The result of a fit to a straight line of 1 m and a whole turn.
+    The calibration of odometry from a straight line of 1 m and a turn in place of 360 degrees.
 
     :param scale: the true distance divided by the distance in odometry
     :param track_ratio: the true track, the distance between the wheels, divided by the track that
@@ -76,9 +76,13 @@ def reported_path(log: DriveLog) -> list[Pose]:
     """
     Return the odometry poses of a drive that starts and ends with a rest.
 
-    :param log: the drive
-    :raises CalibrationError: if the drive was not completed, does not start and end with a rest,
-        or odometry does not show that the robot stood still there
+    A rest is a step in which the robot stands still.
+
+    :param log: the log of the drive
+    :returns: the mean pose in the first rest, the poses of the movement at least 0.1 s apart, and
+        the mean pose in the last rest
+    :raises CalibrationError: if the drive was not completed at the planned speed, does not start
+        and end with a rest, or odometry does not show standstill in these rests
     """
     steps = completed_steps(log)
     odometry = [sample for sample in log.odometry if is_plausible(sample)]
@@ -94,7 +98,12 @@ def reported_path(log: DriveLog) -> list[Pose]:
 
 
 def reported_displacement(path: Sequence[Pose]) -> tuple[float, float]:
-    """Return the distance between the ends of a path [m] and its total heading change [rad]."""
+    """
+    Return the distance from the first to the last pose [m] and the total heading change [rad].
+
+    :param path: the odometry poses of a drive, so close that the heading changes by less than half
+        a turn from one to the next
+    """
     start, end = path[0], path[-1]
     return math.hypot(end.x - start.x, end.y - start.y), math.fsum(
         math.remainder(after.theta - before.theta, math.tau) for before, after in pairwise(path))
@@ -103,17 +112,19 @@ def reported_displacement(path: Sequence[Pose]) -> tuple[float, float]:
 def fit_floor(reported_distance: float, measured_distance: float, reported_angle: float,
               measured_angle: float) -> FloorFit:
     """
-    Fit the scale and the track ratio to a straight line and a turn in place.
+    Compute the scale and the track ratio of odometry from a straight line and a turn in place.
 
-    The scale s is the measured distance divided by the distance in odometry.  The measured angle
-    is s b_0 / b times the angle in odometry.  Here b is the true track, the distance between the
-    wheels, and b_0 is the track that odometry uses.
+    The scale s is the true distance divided by the distance in odometry.  The track ratio is b /
+    b_0, where b is the true distance between the wheels, and b_0 is the distance that odometry
+    uses.  The true angle is s b_0 / b times the angle in odometry.
 
     :param reported_distance: the distance in odometry [m]
     :param measured_distance: the distance measured with the tape [m]
     :param reported_angle: the angle in odometry [rad]
-    :param measured_angle: the total angle on the floor [rad], with the same sign
-    :raises CalibrationError: if the values are not plausible
+    :param measured_angle: the total angle measured on the floor [rad]; it has the same sign as the
+        angle in odometry
+    :raises CalibrationError: if a value is not finite, or the measured and the reported values
+        differ too much
     """
     scale = _ratio('distance', reported_distance, measured_distance, 'm')
     turn = _ratio('angle', reported_angle, measured_angle, 'rad')
@@ -157,10 +168,10 @@ MAX_ITERATIONS = 50
 
 class Square(NamedTuple):
     """
-    One driven square.
+    The odometry poses and the measured end pose of one driven square.
 
     :param path: the odometry poses; the robot stands still at the first and at the last one
-    :param measured: the measured end pose on the floor, relative to the start pose: x ahead, y to
+    :param measured: the end pose measured on the floor, relative to the start pose: x ahead, y to
         the left
     """
 
@@ -171,15 +182,16 @@ class Square(NamedTuple):
 @dataclass(frozen=True)
 class UmbmarkFit:
     """
-    The result of a fit to squares in both directions.
+    The calibration of odometry from squares that were driven in both directions.
 
     :param wheel_ratio: the true diameter of the right wheel divided by that of the left wheel
     :param track_ratio: the true track, the distance between the wheels, divided by the track that
         odometry uses
-    :param before: the largest systematic position error without the correction, called E_max,syst
-        in UMBmark [m]
-    :param after: the same error with the correction [m]
-    :param closed_form: wheel ratio and track ratio from the formulas of Borenstein and Feng
+    :param before: the largest systematic position error, if odometry is not corrected with the two
+        ratios [m]; it is called E_max,syst in UMBmark
+    :param after: the largest systematic position error, if odometry is corrected with them [m]
+    :param closed_form: wheel ratio and track ratio from the formulas of Borenstein and Feng, for
+        comparison with the fit
     """
 
     wheel_ratio: Estimate
@@ -192,14 +204,18 @@ class UmbmarkFit:
 def closed_form(
         squares: Sequence[Square], track: float, scale: float = 1.0) -> tuple[float, float]:
     """
-    Return the wheel ratio and the track ratio from the formulas of Borenstein and Feng (1996).
+    Compute the wheel ratio and the track ratio with the formulas of Borenstein and Feng (1996).
 
-    There are two approximations, from the errors along x and along y.  Their second-order errors
-    have opposite signs, so the mean of the two results is returned.
+    The wheel ratio is the true diameter of the right wheel divided by that of the left wheel.  The
+    track ratio is the true distance between the wheels divided by the distance that odometry uses.
+    Each ratio is computed twice, with approximate formulas: from the errors of the end positions
+    along x, and from those along y.  The second-order errors of the two results have opposite
+    signs, so their mean is returned.
 
     :param squares: the driven squares, at least one in each direction
-    :param track: the track that odometry uses [m]
-    :param scale: true distance divided by reported distance, from a straight line
+    :param track: the distance between the wheels that odometry uses [m]
+    :param scale: the true distance divided by the distance in odometry, from a straight line
+    :returns: the wheel ratio and the track ratio
     """
     side = scale * math.fsum(_length(square.path) for square in squares) / (4.0 * len(squares))
     right, left = (
@@ -219,13 +235,16 @@ def fit_umbmark(squares: Sequence[Square], track: float, scale: float = 1.0) -> 
     """
     Fit the wheel ratio and the track ratio to the measured ends of squares, by least squares.
 
-    The residuals are the errors of position and heading at the ends.  The model has no
-    approximation: it corrects each increment of odometry, from the start to the end.  Squares do
-    not show an error of the scale, because with any scale they end at their start.
+    The wheel ratio is the true diameter of the right wheel divided by that of the left wheel.  The
+    track ratio is the true distance between the wheels divided by the distance that odometry uses.
+
+    The residuals are the errors of position and heading at the ends of the squares.  The model is
+    exact: it corrects each increment of odometry from the start to the end of a square.  The scale
+    cannot be found from squares, because a square of any size ends where it started.
 
     :param squares: the driven squares, at least one in each direction
-    :param track: the track that odometry uses [m]
-    :param scale: true distance divided by reported distance, from a straight line
+    :param track: the distance between the wheels that odometry uses [m]
+    :param scale: the true distance divided by the distance in odometry, from a straight line
     :raises CalibrationError: if the squares give no valid calibration
     """
     for square in squares:
@@ -266,9 +285,10 @@ def fit_umbmark(squares: Sequence[Square], track: float, scale: float = 1.0) -> 
 
 def worst_systematic_error(squares: Sequence[Square], calibration: OdometryCalibration) -> float:
     """
-    Return E_max,syst of UMBmark, the largest systematic position error [m].
+    Return the largest systematic position error, called E_max,syst in UMBmark [m].
 
-    The end errors of the squares are averaged for each direction.  The larger mean is returned.
+    For each driving direction, the position errors at the ends of the squares are averaged as
+    vectors.  The length of the longer mean vector is returned.
 
     :param squares: the driven squares, at least one in each direction
     :param calibration: the calibration that corrects odometry
@@ -300,12 +320,23 @@ def _by_direction(squares: Sequence[Square]) -> tuple[list[Square], list[Square]
 
 
 def _length(path: Sequence[Pose]) -> float:
-    """Return the length of a path [m]; lateral movement is noise and does not count."""
+    """
+    Return the length of a path of odometry poses [m].
+
+    Only movement forwards and backwards counts.  Sideways movement is noise, because the robot
+    cannot move sideways.
+    """
     return math.fsum(abs(relative_to(before, after).x) for before, after in pairwise(path))
 
 
 def _error(calibration: OdometryCalibration, square: Square) -> Pose:
-    """Return the measured end pose of a square minus the end pose from corrected odometry."""
+    """
+    Return the measured end pose of a square minus the end pose from corrected odometry.
+
+    :param calibration: the calibration that corrects odometry
+    :param square: the odometry poses and the measured end pose of the square
+    :returns: the difference of each component; the heading difference is from -pi to pi
+    """
     pose = ORIGIN
     for before, after in pairwise(square.path):
         pose = calibration.advance_on_floor(pose, before, after)
@@ -321,14 +352,16 @@ def _mean_error(calibration: OdometryCalibration, squares: Sequence[Square]) -> 
 
 def _least_squares(residuals: Residuals, start: Pair) -> tuple[Pair, Pair]:
     """
-    Return the two parameters with the least sum of squared residuals, and their standard errors.
+    Find the two parameters with the least sum of squared residuals, and their standard errors.
 
-    The method is Gauss-Newton.  A step that does not reduce the sum is halved.
+    The Gauss-Newton method changes both parameters in each iteration.  If a change does not reduce
+    the sum, it is halved.
 
-    :param residuals: a function that returns the residuals for two parameters, each divided by its
-        standard error
+    :param residuals: a function that takes two parameters, and returns the residuals, each divided
+        by its standard error
     :param start: the parameters to start from
-    :raises CalibrationError: if the data do not determine the parameters, or the fit does not
+    :returns: the two parameters, and their two standard errors
+    :raises CalibrationError: if the data do not determine the parameters, or the method does not
         converge
     """
     found, step = start, 1e-6
@@ -356,9 +389,11 @@ def _least_squares(residuals: Residuals, start: Pair) -> tuple[Pair, Pair]:
 def _descend(residuals: Residuals, found: Pair, change: Pair,
              least: float) -> tuple[Pair, Sequence[float]] | None:
     """
-    Change the parameters, and halve the change until it reduces the sum of squared residuals.
+    Change two parameters so that the sum of squared residuals becomes smaller.
 
-    :param residuals: a function that returns the residuals for two parameters
+    If the change does not reduce the sum, half of the change is tried, and so on.
+
+    :param residuals: a function that takes two parameters, and returns the residuals
     :param found: the parameters before the change
     :param change: the first change to try
     :param least: the sum of squared residuals before the change

@@ -53,11 +53,11 @@ Cell = tuple[int, int]
 @dataclass(frozen=True)
 class ArcSegment:
     """
-    A part of a planned path with constant curvature.
+    A part of a planned path with constant curvature: an arc, a straight line or a turn in place.
 
     :param start: the pose at the start of the segment
-    :param distance: the signed length [m], negative backwards
-    :param angle: the heading change [rad], positive to the left
+    :param distance: the signed length [m], negative backwards; 0 for a turn in place
+    :param angle: the heading change [rad], positive to the left; 0 for a straight line
     """
 
     start: Pose
@@ -66,18 +66,25 @@ class ArcSegment:
 
     @property
     def end(self) -> Pose:
-        """Return the pose at the end of the segment."""
+        """Return the pose at the end of the path segment."""
         return advance(self.start, self.distance, self.angle)
 
     @property
     def middle(self) -> Pose:
-        """Return the middle of the segment, with the direction of travel as the heading."""
+        """
+        Return the pose in the middle of the path segment, for an arrow in a plot.
+
+        The heading is the direction of travel.  If the robot drives backwards, this direction is
+        opposite to the heading of the robot.
+        """
         pose = advance(self.start, self.distance / 2.0, self.angle / 2.0)
         return pose if self.distance >= 0.0 else Pose(pose.x, pose.y, pose.theta + math.pi)
 
     def sweep(self, radius: float) -> list[Point]:
         """
-        Return the points of an arc that shows a turn in place, at most its last 330 degrees [m].
+        Return points on an arc around the robot that shows a turn in place in a plot [m].
+
+        The arc shows at most the last 330 degrees of the turn, so that its ends do not touch.
 
         :param radius: the radius of the arc [m]
         """
@@ -89,20 +96,34 @@ class ArcSegment:
                  self.start.y + radius * math.sin(heading)) for heading in headings]
 
     def points(self) -> list[Point]:
-        """Return the points of the segment without its start [m]; empty for a turn in place."""
+        """
+        Return points along the path segment, close enough to draw it as a curve [m].
+
+        The start point is left out.  For a turn in place, the list is empty.
+        """
         if self.distance == 0.0:
             return []
         return [(pose.x, pose.y) for pose in self.poses(self.count)]
 
     @property
     def count(self) -> int:
-        """Return the number of straight lines that show the arc as round; 0 without movement."""
+        """
+        Return the number of straight lines that are needed to draw the path segment as a curve.
+
+        Without movement, the number is 0.
+        """
         if self.distance == self.angle == 0.0:
             return 0
         return max(1, math.ceil(abs(self._visible_angle) / BEND))
 
     def poses(self, count: int) -> list[Pose]:
-        """Return ``count`` poses at equal distances, without the start pose."""
+        """
+        Return poses at equal distances along the path segment, without the start pose.
+
+        If the heading changes by more than two turns, the repeated full turns are left out.
+
+        :param count: the number of poses
+        """
         angle = self._visible_angle
         distance = self.distance * (angle / self.angle if self.angle else 1.0)
         return [advance(self.start, distance * number / count, angle * number / count)
@@ -118,10 +139,11 @@ class ArcSegment:
 
 def step_segments(plan: Plan, start: Pose = ORIGIN) -> list[list[ArcSegment]]:
     """
-    Return the path of each step of a plan as segments of constant curvature, in order.
+    Return the path of each step of a plan, as segments of constant curvature.
 
     :param plan: the plan
-    :param start: the pose at t = 0
+    :param start: the pose at the start of the plan
+    :returns: for each step, the list of its segments, in order
     """
     steps = []
     pose = start
@@ -136,17 +158,20 @@ def step_segments(plan: Plan, start: Pose = ORIGIN) -> list[list[ArcSegment]]:
 
 
 def arc_segments(plan: Plan) -> list[ArcSegment]:
-    """Return the path of a plan as segments of constant curvature, in order."""
+    """Return the path of a plan, from the origin, as segments of constant curvature in order."""
     return [segment for segments in step_segments(plan) for segment in segments]
 
 
 def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:
     """
-    Return one polyline for consecutive path segments.
+    Return the points of a polyline that shows consecutive path segments in a plot.
 
-    :param segments: the segments, in order
-    :param grain: the smallest visible distance [m]
-    :returns: the points, from the start of the first segment on; NaN where a line is left out [m]
+    If there are more than 500 points, a straight line between two points that repeats an earlier
+    one is left out.
+
+    :param segments: the segments, in order; each starts at the end of the previous one
+    :param grain: the smallest distance that is visible in the plot [m]
+    :returns: the points [m], in order; a point of NaN values marks each gap in the polyline
     """
     points: list[Point] = []
     for segment in segments:
@@ -162,7 +187,16 @@ def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:
 
 
 def _unique_lines(points: Sequence[Point], grain: float) -> list[Point]:
-    """Return a path without repeated lines; a square driven for an hour gives one square."""
+    """
+    Return a path in which no line is drawn twice; for example, a repeated square gives one square.
+
+    A line is the straight line between two consecutive points.  Two lines count as equal if their
+    end points are equal after rounding to ``grain``.  The last line of the path is always kept.
+
+    :param points: the points of the path [m]
+    :param grain: the smallest distance that is visible in the plot [m]
+    :returns: the points [m]; a point of NaN values marks each gap in the path
+    """
     cells = [(round(x / grain), round(y / grain)) for x, y in points]
     seen: set[tuple[Cell, Cell]] = set()
     kept = [points[0]]
@@ -180,11 +214,14 @@ def _unique_lines(points: Sequence[Point], grain: float) -> list[Point]:
 
 def distinct(poses: Iterable[Pose], grain: float, most: int) -> list[Pose]:
     """
-    Return poses without those that look the same in a plot.
+    Return a list of poses without those that look the same as an earlier pose in a plot.
+
+    Poses look the same if their positions are equal after rounding to ``grain``, and their
+    headings are equal after rounding to a degree.
 
     :param poses: the poses, in order
-    :param grain: the smallest visible distance [m]
-    :param most: the largest number of poses to return; from more poses, select evenly
+    :param grain: the smallest distance that is visible in the plot [m]
+    :param most: the largest number of poses to return; if there are more, they are selected evenly
     """
     kinds: dict[tuple[int, int, int], Pose] = {}
     for pose in poses:
@@ -200,14 +237,15 @@ TURN = math.radians(4.0)
 
 class PoseHistory:
     """
-    A list of past poses of a robot with a minimum spacing and a maximum length.
+    A list of past poses of a robot.  It has a maximum length, and is thinned out when it is full.
 
-    If the list is full, every second pose is removed, and the minimum distance and angle are
-    doubled.
+    A new pose is stored if its distance or its heading change from the last stored pose is large
+    enough.  When the list is full, every second pose is removed, and the required distance and
+    heading change are doubled.
 
-    :param most: the largest number of poses, at least two
-    :param convert: a function that converts a pose to the stored object; called once for each
-        stored pose
+    :param most: the largest number of stored poses, at least two
+    :param convert: a function that converts a pose to the object to store; it is called once for
+        each stored pose
     """
 
     def __init__(self, most: int, convert: Callable[[Pose], Any]) -> None:
@@ -219,7 +257,14 @@ class PoseHistory:
         self.kept: list[Any] = []
 
     def add(self, pose: Pose) -> bool:
-        """Add a pose if it is far enough from the last one; return whether it was added."""
+        """
+        Store a pose if it is far enough from the last stored pose.
+
+        A pose with an infinite or NaN value is not stored.
+
+        :param pose: the new pose
+        :returns: whether the pose was stored
+        """
         if not math.isfinite(pose.x + pose.y + pose.theta) or (
                 self._last is not None and not self._is_apart(self._last, pose)):
             return False
@@ -241,10 +286,12 @@ MAX_POSES = 2000
 
 def sample_path(plan: Plan, start: Pose = ORIGIN, most: int = MAX_POSES) -> list[Pose]:
     """
-    Return poses along a plan, from start to end, so close that curves look round.
+    Return poses along a plan, from the start to the end, close enough to draw curves.
+
+    If this needs more than ``most`` poses, the poses are farther apart.
 
     :param plan: the plan
-    :param start: the pose at t = 0
+    :param start: the pose at the start of the plan
     :param most: the largest number of poses, at least two
     """
     if len(plan.steps) >= most:
@@ -260,7 +307,7 @@ def sample_path(plan: Plan, start: Pose = ORIGIN, most: int = MAX_POSES) -> list
 
 
 def _evenly(poses: list[Pose], most: int) -> list[Pose]:
-    """Return at most ``most`` poses, evenly selected, with the first and the last."""
+    """Return at most ``most`` poses from a list: the first, the last, and evenly selected ones."""
     if len(poses) <= most:
         return poses
     return [poses[number * (len(poses) - 1) // (most - 1)] for number in range(most)]
@@ -268,16 +315,16 @@ def _evenly(poses: list[Pose], most: int) -> list[Pose]:
 
 def simplify(points: Sequence[Point], grain: float, most: int) -> list[Point]:
     """
-    Return a path without the points that are near a straight line between two kept points.
+    Remove the points of a path that are near a straight line between two kept points.
 
     Matplotlib has a similar setting, path.simplify.  With the same tolerance, it keeps 20 times as
-    many points of a drive of an hour.
+    many points of a drive of one hour.
 
     :param points: the path [m]
-    :param grain: the largest distance of a removed point from the line [m], above 0; it is
+    :param grain: the largest distance of a removed point from the line [m], above 0.  It is
         doubled until at most ``most`` points are left
     :param most: the largest number of points to keep
-    :returns: the kept points, with the first and the last point
+    :returns: the kept points, among them the first and the last point [m]
     """
     kept = _straighten(points, grain)
     while len(kept) > most:
@@ -305,9 +352,14 @@ def _straighten(points: Sequence[Point], grain: float) -> list[Point]:
 
 class _Cone:
     """
-    The directions in which a straight line from a start point passes near all added points.
+    The range of directions in which a line from a start point passes near all added points.
 
-    This is the cone intersection method of Williams (1978) and of Sklansky and Gonzalez (1980).
+    Near means within the tolerance ``grain``.  A path is simplified with such ranges: its points
+    are added one by one, as long as one straight line can replace them.  The method is the cone
+    intersection method of Williams (1978) and of Sklansky and Gonzalez (1980).
+
+    :param start: the start point of the line [m]
+    :param grain: the largest distance of a point from the line [m]
     """
 
     __slots__ = ('_grain', '_high', '_low', '_middle', '_reach', '_start')
@@ -318,7 +370,14 @@ class _Cone:
         self._reach = 0.0
 
     def add(self, point: Point) -> bool:
-        """Add a point if a line can pass near it and near all others; return whether it can."""
+        """
+        Add a point if one straight line can pass near this point and near all points added before.
+
+        The line begins at the start point.  Near means within the tolerance.
+
+        :param point: the point [m]
+        :returns: whether the point was added
+        """
         x, y = point[0] - self._start[0], point[1] - self._start[1]
         distance = math.hypot(x, y)
         # If the distance decreases, the path has turned back at an earlier point.

@@ -14,8 +14,8 @@
 """
 A plan with its name, robot, limits and floor area, for tables and plots.
 
-This module also estimates how the loop of the lesson would drive the plan.  That loop publishes a
-velocity and then sleeps for at most one period.
+This module also estimates how well a simple loop would drive the plan.  Such a loop, which a
+lesson about ROS teaches, publishes a velocity and then sleeps for at most one period.
 """
 
 from __future__ import annotations
@@ -48,7 +48,14 @@ MAX_FLOOR_POSES = 20_000
 
 
 class Area(NamedTuple):
-    """A rectangle on the floor: left edge, lower edge, width and height [m]."""
+    """
+    A rectangle on the floor, parallel to the axes.
+
+    :param left: the smallest x [m]
+    :param bottom: the smallest y [m]
+    :param width: the size along x [m]
+    :param height: the size along y [m]
+    """
 
     left: float
     bottom: float
@@ -57,12 +64,18 @@ class Area(NamedTuple):
 
     @property
     def corners(self) -> tuple[Point, Point]:
-        """Return the lower left and the upper right corner [m]."""
+        """Return the lower left and the upper right corner of the rectangle [m]."""
         return (self.left, self.bottom), (self.left + self.width, self.bottom + self.height)
 
 
 def outlines(footprint: Footprint | None, poses: Iterable[Pose]) -> list[Point]:
-    """Return the corners of a robot at each pose [m]; only the positions without a footprint."""
+    """
+    Return the corners of a robot's outline at each of several poses [m].
+
+    :param footprint: the robot's outline from above; if it is None, only the positions of the
+        poses are returned
+    :param poses: the poses of the robot
+    """
     if footprint is None:
         return [(pose.x, pose.y) for pose in poses]
     return [corner for pose in poses for corner in outline(footprint, pose)]
@@ -71,12 +84,12 @@ def outlines(footprint: Footprint | None, poses: Iterable[Pose]) -> list[Point]:
 @dataclass(frozen=True)
 class PlanView:
     """
-    A plan with its name, robot, limits and floor area.
+    A plan, together with the names, limits and outline that tables and plots show.
 
     :param name: the name of the motion
     :param robot: the name of the robot
     :param plan: the plan
-    :param limits: the limits used to make the plan
+    :param limits: the limits of velocity and acceleration that were used to make the plan
     :param footprint: the robot's outline from above; None if unknown
     """
 
@@ -88,28 +101,29 @@ class PlanView:
 
     @property
     def rate(self) -> float:
-        """Return the rate at which velocities are sent [Hz]."""
+        """Return how often a velocity is sent in the plan [Hz]."""
         return 1.0 / self.plan.period
 
     @property
     def messages(self) -> int:
-        """Return the number of velocities to send for the plan, without the stop."""
+        """Return the number of velocities to send for the plan, without the stop at its end."""
         return sum(ticks(segment, self.plan.period) for segment in self.plan.segments)
 
     @cached_property
     def floor(self) -> Area:
         """
-        Return the floor area that the plan needs, in the frame of the start pose.
+        Return the floor area that the robot needs for the plan, relative to its start pose.
 
-        The area covers the robot's outline.  On curves and turns the outline is computed every
-        few degrees; the error is below a thousandth of the robot's size.
+        The area covers the robot's outline, or its path if the outline is unknown.  On curves and
+        turns the outline is computed every few degrees.  The error is below a thousandth of the
+        robot's size.
         """
         xs, ys = zip(*outlines(self.footprint, sample_path(self.plan, most=MAX_FLOOR_POSES)))
         return Area(min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys))
 
     @property
     def floor_size(self) -> str:
-        """Return width and height of the floor area as text, rounded up to a centimetre."""
+        """Return the size of the needed floor area as text, rounded up to a centimetre."""
         # A rounding error must not add a centimetre.
         width, depth = (math.ceil(100.0 * size - 1e-6) / 100.0
                         for size in (self.floor.width, self.floor.height))
@@ -118,9 +132,9 @@ class PlanView:
 
 def ticks(segment: Segment, period: float) -> int:
     """
-    Return the number of velocities to send in a segment of a plan.
+    Return how many times a velocity is sent in a segment of a plan, at least 1.
 
-    :param segment: a part of a plan with a constant velocity
+    :param segment: a time interval of the plan with a constant velocity
     :param period: the time after which the velocity is sent again [s]
     """
     return max(1, math.ceil((segment.end - segment.start) / period - TIME_TOLERANCE))
@@ -134,7 +148,7 @@ LOOP_OVERHEAD = 0.0008
 @dataclass(frozen=True)
 class SleepLoopEstimate:
     """
-    The estimated errors if a loop of publish and sleep drives some plans.
+    The estimated errors if a simple loop drives plans: it publishes a velocity and then sleeps.
 
     :param extra_time: the driven time minus the planned time [s]
     :param missing_messages: the planned number of messages minus the sent number
@@ -150,12 +164,14 @@ class SleepLoopEstimate:
 
 def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
     """
-    Estimate the errors if the lesson's loop of publish and sleep drives plans, one by one.
+    Estimate the errors if a simple loop drives plans: it publishes a velocity and then sleeps.
 
-    Each iteration publishes the current velocity and sleeps for the velocity's duration, at most
-    one period.  An iteration takes slightly longer than the sleep.  A step ends with the iteration
-    in which its time runs out, and then the next step starts.  The robot follows each command
-    exactly.
+    Each iteration publishes the current velocity.  Then it sleeps for one period, or for the
+    duration of the velocity if this is shorter.  An iteration takes slightly longer than the
+    sleep.  A step ends with the first iteration that ends at or after the planned end of the step.
+    Then the next step starts.  In this estimate the robot follows each velocity exactly.
+
+    :param plans: the plans, which are driven one after the other
     """
     pose = goal = ORIGIN
     duration = 0.0
@@ -180,7 +196,13 @@ def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
 
 
 class _LoopStep(NamedTuple):
-    """The estimate for one step; all repetitions of a step have the same estimate."""
+    """
+    The estimated result if a loop that publishes a velocity and then sleeps drives one step.
+
+    The fields are the robot's end pose, relative to the start of the step, the duration of the
+    step [s] and the number of iterations of the loop.  All repetitions of a step have the same
+    result.
+    """
 
     end: Pose
     duration: float

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The displacement of each step: requested, sent and reported by odometry."""
+"""Compute the displacement of each step: as requested, as sent, and as reported by odometry."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def sent(messages: Sequence[VelocitySent], command_timeout: float = math.inf) ->
     """
     Return the displacement of a robot that keeps each sent velocity until the next message.
 
-    :param messages: the sent messages, in order; the last one only gives the end time
+    :param messages: the velocity messages, in order; the last one only gives the end time
     :param command_timeout: the longest time for which the robot keeps a velocity [s]
-    :returns: the sum of velocity times interval
+    :returns: the distance and the angle, each as the sum of velocity times duration
     """
     held = [(one.velocity, min(two.time - one.time, command_timeout))
             for one, two in pairwise(messages)]
@@ -47,12 +47,13 @@ def sent(messages: Sequence[VelocitySent], command_timeout: float = math.inf) ->
 
 def driven(odometry: Sequence[OdometryReceived], begin: float, end: float) -> Displacement | None:
     """
-    Return the displacement between two times from odometry.
+    Return how far a robot moved between two times, according to odometry.
 
     :param odometry: the received samples, in order of time
     :param begin: the start time [s]
     :param end: the end time [s]
-    :returns: the displacement; None if odometry does not cover the interval
+    :returns: the distance and the angle; None if odometry begins after ``begin`` or ends before
+        ``end``
     """
     if not odometry or odometry[0].time > begin or odometry[-1].time < end:
         return None
@@ -68,15 +69,19 @@ def driven(odometry: Sequence[OdometryReceived], begin: float, end: float) -> Di
 def segment_odometry(
         steps: Sequence[StepLog], odometry: Sequence[OdometryReceived]) -> list[float]:
     """
-    Return the times that divide odometry into the displacements of the steps.
+    Return the times at which to divide the odometry of a drive into its steps.
 
-    Commands and odometry have a delay, and odometry is sampled.  Therefore a time at the start or
-    the end of a rest, or of a pause at the start of a step, is moved slightly into the rest or the
-    pause.  If the drive starts with a rest, the first time is that of the first odometry sample.
+    Usually the boundary between two steps is the time at which the second step starts.  But the
+    robot and odometry follow the sent velocities with a delay, and odometry is sampled.  So a
+    boundary between movement and standstill is moved by ODOMETRY_DELAY (0.06 s) into the
+    standstill.  The robot stands still in a waiting step, and in a pause at the start of a step.
+
+    If the drive starts with a waiting step, and odometry begins during this step, the first time
+    is that of the first odometry sample.
 
     :param steps: the steps, in order
     :param odometry: the received samples, in order
-    :returns: the times [s], one more than the number of steps
+    :returns: the times [s], in order: the start of each step, and the end of the last step
     """
     first = steps[0]
     cuts = [first.began]
@@ -96,9 +101,10 @@ def _begins_at_rest(step: StepLog) -> bool:
 
 def pose_at(odometry: Sequence[OdometryReceived], time: float) -> Pose:
     """
-    Return the pose at a time [s], linearly interpolated between two odometry samples.
+    Return the pose at a time, linearly interpolated between two odometry samples.
 
-    :param odometry: the received samples, in order; they cover the time
+    :param odometry: the received samples, in order.  The first one must not be later than
+        ``time``, and the last one must not be earlier
     :param time: the time [s]
     """
     index = bisect_left(odometry, time, key=attrgetter('time'))
@@ -125,12 +131,12 @@ def _wrapped(angle: float) -> float:
 @dataclass(frozen=True)
 class StepResult:
     """
-    The displacements of a started step.
+    The displacement of a started step: as requested, as sent, and as reported by odometry.
 
-    :param log: the step and its messages
+    :param log: the step and its sent messages
     :param motion: the name of the motion
-    :param requested: the requested displacement
-    :param sent: the displacement from the sent velocities
+    :param requested: the displacement that the step requests
+    :param sent: the displacement of a robot that follows the sent velocities exactly
     :param odometry: the displacement from odometry; None if odometry does not cover the step
     """
 
@@ -143,9 +149,10 @@ class StepResult:
     @property
     def error(self) -> Displacement | None:
         """
-        Return odometry minus the requested displacement; None without odometry.
+        Return the error of the step: its displacement in odometry minus the requested one.
 
-        For a step that ended early, return odometry minus the sent displacement.
+        If the step ended early, the displacement according to the sent velocities is subtracted
+        instead.  Without odometry, return None.
         """
         if self.odometry is None:
             return None
@@ -158,10 +165,10 @@ def step_results(
         steps: Sequence[StepLog], names: Sequence[str], odometry: Sequence[OdometryReceived],
         command_timeout: float = math.inf) -> list[StepResult]:
     """
-    Return the requested, sent and reported displacement of each step.
+    Return the displacement of each step: as requested, as sent, and as reported by odometry.
 
     :param steps: the started steps, in order
-    :param names: the name of each step's motion
+    :param names: for each step, the name of its motion
     :param odometry: the received samples, in order
     :param command_timeout: the time after which the robot stops without a new velocity [s]
     """

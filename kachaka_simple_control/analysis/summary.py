@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The results of a drive: how it ended, the errors of its end pose, and its timing."""
+"""Compute the results of a drive: how it ended, the errors of its end pose, and its timing."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ NO_END = (
 
 
 class OutcomeKind(Enum):
-    """The ways in which a drive can end; the value is the word to show."""
+    """The ways in which a drive can end; the value of each one is the word that reports show."""
 
     DONE = 'done'
     STOPPED = 'stopped'
@@ -55,9 +55,9 @@ class Outcome:
     """
     The outcome of a drive: how it ended, and why.
 
-    :param kind: the kind of the outcome
+    :param kind: the way in which the drive ended, for example completed or stopped
     :param headline: the outcome in a few words
-    :param reason: sentences with the cause and the progress of the drive
+    :param reason: sentences that say why the drive ended, and how far it came
     """
 
     kind: OutcomeKind
@@ -66,7 +66,11 @@ class Outcome:
 
 
 def outcome(log: DriveLog) -> Outcome:
-    """Return the outcome of a drive."""
+    """
+    Return how and why a drive ended, and how far it came.
+
+    :param log: the log of the drive
+    """
     end, reason, progress = log.session_ended, _reason(log), _progress(log)
     fault = _reason(log, faults_only=True) or (None if end is None else end.error)
     if end is None:
@@ -102,10 +106,12 @@ def signal_name(number: int) -> str:
 
 def _reason(log: DriveLog, faults_only: bool = False) -> str | None:
     """
-    Return the reason for the first early end of a motion; None if no motion ended early.
+    Return why a motion of a drive ended early; None if no motion ended early.
 
-    :param log: the drive
-    :param faults_only: whether to ignore motions that ended early on request
+    If several motions ended early, the reason of the first one is returned.
+
+    :param log: the log of the drive
+    :param faults_only: whether to ignore motions that ended early because somebody requested it
     """
     return next((motion.reason for motion in log.motions
                  if motion.reason is not None and (motion.is_fault or not faults_only)), None)
@@ -148,14 +154,17 @@ def _progress_of(cut: MotionLog, complete: int, begun: int) -> str:
 @dataclass(frozen=True)
 class SpeedInterval:
     """
-    A part of a motion with a constant speed factor.
+    A time interval of a motion in which the speed factors were constant.
 
-    :param motion: the motion
-    :param factors: the speed factors below 1, each by the name of its source; empty at full speed
+    The speed relative to the plan is the product of all speed factors, which are from 0 to 1.
+    Each factor is set by a source, such as a pause or an obstacle.
+
+    :param motion: the log of the motion
+    :param factors: the speed factors below 1, by the name of the source; empty at full speed
     :param begin: the start time [s on the steady clock]
     :param end: the end time [s on the steady clock]
-    :param plan_begin: the plan time at the start [s of the plan]
-    :param plan_end: the plan time at the end [s of the plan]
+    :param plan_begin: the time in the plan that the motion had reached at ``begin`` [s]
+    :param plan_end: the time in the plan that the motion had reached at ``end`` [s]
     """
 
     motion: MotionLog
@@ -167,32 +176,43 @@ class SpeedInterval:
 
     @property
     def factor(self) -> float:
-        """Return the product of the speed factors, from 0 to 1."""
+        """Return the speed relative to the plan: 1 is full speed, and 0 is a pause."""
         return product(self.factors)
 
     @property
     def reason(self) -> str:
-        """Return the sources that asked for less speed, as text; empty at full speed."""
+        """
+        Return the reasons for a reduced speed as text, such as ``paused, obstacle 40 %``.
+
+        At full speed, the text is empty.
+        """
         return describe_factors(self.factors)
 
     @property
     def is_pause(self) -> bool:
-        """Return whether the motion was paused."""
+        """Return whether the motion was paused in this interval: its relative speed was 0."""
         return self.factor == 0.0
 
     @property
     def step(self) -> PlannedStep:
-        """Return the step at the start of the interval; for a pause, the step at its end."""
+        """
+        Return the step that the motion had reached at the start of the interval.
+
+        If the interval is a pause, return the step that the motion had reached at the end of the
+        interval.
+        """
         plan = self.motion.plan
         return plan.steps[plan.step_index(self.plan_end if self.is_pause else self.plan_begin)]
 
 
 def speed_intervals(log: DriveLog) -> list[SpeedInterval]:
     """
-    Return the intervals of a drive in which the speed factor is constant, in order.
+    Divide the motions of a drive into intervals in which the speed factors are constant.
 
-    :param log: the drive
-    :returns: all intervals of each motion that had a speed factor below 1 at some time
+    The product of the speed factors is the speed relative to the plan, from 0 to 1.
+
+    :param log: the log of the drive
+    :returns: the intervals, in order; motions that were at full speed all the time have none
     """
     return [interval for motion in log.motions if motion.own_messages and motion.plan.steps
             for interval in _intervals(motion, log.speed_changes)]
@@ -219,9 +239,9 @@ def _intervals(motion: MotionLog, changes: Sequence[SpeedFactorChanged]) -> list
 
 class Summary:
     """
-    The results of a drive; each result is computed when it is first used.
+    The results of a drive.  Each result is computed when it is first used.
 
-    :param log: the log of the drive, which must not change after this
+    :param log: the log of the drive; it must not change later
     """
 
     def __init__(self, log: DriveLog) -> None:
@@ -229,17 +249,25 @@ class Summary:
 
     @cached_property
     def outcome(self) -> Outcome:
-        """Return the outcome of the drive."""
+        """Return how and why the drive ended, and how far it came."""
         return outcome(self.log)
 
     @cached_property
     def aligned(self) -> AlignedDrive:
-        """Return the planned, sent and reported paths of the drive in one frame."""
+        """
+        Return the planned path, the sent path and the odometry path, all in one frame.
+
+        The sent path is that of a robot that follows the sent velocities exactly.
+        """
         return AlignedDrive(self.log)
 
     @cached_property
     def steps(self) -> list[StepResult]:
-        """Return the displacements of all started steps."""
+        """
+        Return the requested, the sent and the reported displacement of each started step.
+
+        The sent displacement follows from the sent velocities.  The reported one is from odometry.
+        """
         pairs = [(step, motion.planned.motion.name) for motion in self.log.motions
                  for step in motion.steps if step.sent]
         odometry = [sample.received for sample in self.aligned.odometry]
@@ -248,12 +276,17 @@ class Summary:
 
     @cached_property
     def timing(self) -> Timing:
-        """Return the timing accuracy of the drive's messages."""
+        """Return the timing accuracy of the velocity messages of the drive."""
         return timing(self.log.motions)
 
     @cached_property
     def speed(self) -> list[SpeedInterval]:
-        """Return the intervals of constant speed factor; empty if all was at full speed."""
+        """
+        Return the time intervals of the drive in which the speed factors were constant.
+
+        The product of the speed factors is the speed relative to the plan, from 0 to 1.  Motions
+        that were at full speed all the time have no intervals.
+        """
         return speed_intervals(self.log)
 
     @cached_property
@@ -261,31 +294,42 @@ class Summary:
         return {id(step.log.planned): number for number, step in enumerate(self.steps, 1)}
 
     def step_number(self, interval: SpeedInterval) -> int | None:
-        """Return the number of the step of an interval, from 1; None if the step did not start."""
+        """
+        Return the number of the step to which a speed interval belongs.
+
+        The started steps of all motions are counted together, from 1.
+
+        :param interval: the speed interval, a time in which the speed factors were constant
+        :returns: the number; None if the step was not started
+        """
         return self._step_numbers.get(id(interval.step))
 
     @property
     def paused_duration(self) -> float:
-        """Return the total time of all pauses [s]."""
+        """Return the total duration of all pauses in the drive [s]."""
         return math.fsum(interval.end - interval.begin for interval in self.speed
                          if interval.is_pause)
 
     @cached_property
     def sleep_loop(self) -> SleepLoopEstimate:
-        """Return the estimated errors if a loop of publish and sleep drove the same plans."""
+        """
+        Return the estimated errors if a simple loop had driven the same plans.
+
+        The loop publishes a velocity and then sleeps for at most one period.
+        """
         return estimate_sleep_loop([motion.plan for motion in self.log.motions])
 
     @property
     def planned_duration(self) -> float:
-        """Return the total planned time of all started motions [s]."""
+        """Return the sum of the planned durations of all started motions [s]."""
         return math.fsum(motion.plan.duration for motion in self.log.motions if motion.has_begun)
 
     @property
     def driven_duration(self) -> float:
         """
-        Return the total driven time of all motions [s].
+        Return the sum of the real durations of all motions, including pauses [s].
 
-        The time of a motion ends when the zero velocity at its end is sent.
+        A motion lasts from its t = 0 until the zero velocity that ends it is sent.
         """
         return math.fsum(
             motion.own_messages[-1].time - motion.began for motion in self.log.motions
@@ -293,20 +337,29 @@ class Summary:
 
     @property
     def last_seen(self) -> OdometrySample | None:
-        """Return the last odometry sample; None if none was received since t = 0."""
+        """
+        Return the last odometry sample since the first motion started; None if there is none.
+
+        Samples later than 1 s after the last sent message do not count.
+        """
         return self.aligned.odometry[-1] if self.aligned.odometry else None
 
     @property
     def final_pose(self) -> Pose | None:
-        """Return the last odometry pose; None if none was received since t = 0."""
+        """
+        Return the last pose from odometry; None if there is none since the first motion started.
+
+        The pose is relative to the robot's pose at the start of the first motion.
+        """
         return None if self.last_seen is None else self.last_seen.pose
 
     @property
     def error_from_plan(self) -> Displacement | None:
         """
-        Return the distance and the heading error of the last odometry pose from the planned end.
+        Return the distance and the heading difference between the planned and the real end pose.
 
-        Return None if a motion ended early, or without odometry.
+        The real end pose is the last pose from odometry.  Return None if a motion ended early, or
+        if there is no odometry.
         """
         if self.final_pose is None or not all(motion.is_complete for motion in self.log.motions):
             return None
@@ -315,10 +368,11 @@ class Summary:
     @property
     def error_from_sent(self) -> Displacement | None:
         """
-        Return the distance and the heading error of the last odometry pose from the sent path.
+        Return the distance and the heading difference between the expected and the real end pose.
 
-        They are relative to the pose that is expected at that time from the sent velocities.
-        Without odometry, return None.
+        The real end pose is the last pose from odometry.  The expected end pose is the pose at the
+        same time of a robot that follows the sent velocities exactly.  Return None if there is no
+        odometry.
         """
         return None if self.last_seen is None else Displacement(
             self.last_seen.distance, self.last_seen.angle)
