@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The display of a drive in the terminal, in a separate process."""
+"""Show the status of a running drive in the terminal, from a separate process."""

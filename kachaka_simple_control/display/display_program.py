@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The program that shows a running drive, as a panel or as plain lines, in a separate process.
+The program that shows a running drive in the terminal, as a panel or as plain lines.
 
-Because the process is separate, drawing never holds the GIL of the driving program, and an error
-in this program does not end the drive.
+A panel is a group of fixed rows at the bottom of the terminal.  This program is a process of its
+own.  So drawing never holds the GIL of the driving program, and an error here does not end the
+drive.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ MIN_COLUMNS, MIN_ROWS = 60, 12
 
 
 class StepLogger:
-    """Creates the text lines that report each new step, and a long wait for the robot."""
+    """Creates text lines that say that a step begins, or that the program waits for the robot."""
 
     def __init__(self) -> None:
         self._last_line = float('-inf')
@@ -73,10 +74,13 @@ class StepLogger:
 
     def update(self, status: DriveStatus, now: float) -> list[str]:
         """
-        Return the new lines to print; usually there are none.
+        Return the new lines to print for the current status; usually there are none.
 
-        :param status: the status of the drive
-        :param now: the time [s on the steady clock]; not earlier than in the last call
+        There is a line for each new step, and one for a long wait for the robot.  There is at most
+        one line about a step in half a second.
+
+        :param status: the current status of the drive
+        :param now: the time [s on the steady clock]; not earlier than in the previous call
         """
         if status.state is not self._state:
             self._state, self._state_since = status.state, now
@@ -106,10 +110,10 @@ class StepLogger:
 
 class LineRenderer:
     """
-    Shows the status of a drive as plain lines.
+    Shows the status of a drive as plain lines of text.
 
-    :param write: a function that writes a text in one call
-    :param has_hint: whether to write a line that tells the user at the terminal how to stop
+    :param write: a function that writes a text to the output in one call
+    :param has_hint: whether to write one line that says how to stop the robot
     """
 
     #: the period at which ``show`` must be called [s]
@@ -123,11 +127,13 @@ class LineRenderer:
 
     def show(self, status: DriveStatus, now: float, hint: str) -> None:
         """
-        Write the new lines, and write the hint once before the robot moves.
+        Write lines about a new step or a long wait for the robot, if there is something new.
 
-        :param status: the current status
+        Before the robot moves for the first time, also write the hint.
+
+        :param status: the current status of the drive
         :param now: the time [s on the steady clock]
-        :param hint: the text that says how to stop
+        :param hint: the text that says how to stop the robot
         """
         if self._has_hint and status.state in (DriveState.CONNECTING, DriveState.DRIVING):
             self._has_hint = False
@@ -136,29 +142,32 @@ class LineRenderer:
 
     def on_event(self, status: DriveStatus, now: float) -> None:
         """
-        Write the new lines for the status at an event, even if this program reads the event late.
+        Write lines about a new step or a long wait for the robot, after an event of the drive.
 
-        Two threads call this method: the thread that reads events, and the thread that draws.
+        Two threads call this method: the thread that reads the events, and the thread that draws.
 
-        :param status: the status at the event
-        :param now: the time of the event, which may be in the past [s on the steady clock]
+        :param status: the status of the drive at the time of the event
+        :param now: the time of the event [s on the steady clock]; it is in the past if this
+            program reads the event late
         """
         with self._lock:
             for line in self._logger.update(status, now):
                 self._write(f'{line}\n')
 
     def close(self) -> None:
-        """Remove temporary output from the terminal; plain lines are not temporary, and stay."""
+        """Do nothing, because plain lines stay in the terminal when the display ends."""
 
 
 class PanelRenderer(LineRenderer):
     """
-    Shows a panel at the bottom of a terminal, or plain lines while the terminal is too small.
+    Shows a panel: a group of fixed rows at the bottom of the terminal.
 
-    :param write: a function that writes a text
+    While the terminal is too small for the panel, plain lines are written instead.
+
+    :param write: a function that writes a text to the terminal in one call
     :param size: a function that returns the size of the terminal
-    :param render: a function that returns the lines of a panel for a width of the terminal, a
-        status and a hint
+    :param render: a function that takes the width of the terminal, the status of the drive and a
+        hint, and returns the lines of the panel
     """
 
     #: a panel is drawn at most 5 times a second
@@ -173,7 +182,15 @@ class PanelRenderer(LineRenderer):
         self._is_small = _is_too_small(size())
 
     def show(self, status: DriveStatus, now: float, hint: str) -> None:
-        """Draw the panel if it has changed; write plain lines if the terminal is too small."""
+        """
+        Draw the panel if its text or the size of the terminal has changed.
+
+        If the terminal is too small for the panel, write plain lines instead.
+
+        :param status: the current status of the drive
+        :param now: the time [s on the steady clock]
+        :param hint: the text that says how to stop the robot
+        """
         size = self._size()
         if _is_too_small(size):
             self.close()
@@ -192,12 +209,17 @@ class PanelRenderer(LineRenderer):
         self._drawn = size, lines
 
     def on_event(self, status: DriveStatus, now: float) -> None:
-        """Write plain lines while the terminal is too small for a panel."""
+        """
+        Write plain lines if the terminal is too small for the panel; otherwise do nothing.
+
+        :param status: the status of the drive at the time of the event
+        :param now: the time of the event [s on the steady clock]
+        """
         if self._is_small:
             super().on_event(status, now)
 
     def close(self) -> None:
-        """Remove the panel, so that the terminal scrolls all rows again."""
+        """Remove the panel, so that the whole terminal scrolls again."""
         if self._drawn is not None:
             self._write(terminal.RELEASE_ROWS)
             self._drawn = None
@@ -209,12 +231,12 @@ def _is_too_small(size: os.terminal_size) -> bool:
 
 def renderer_for(descriptor: int) -> LineRenderer:
     """
-    Return the renderer for an output.
+    Return an object that shows the status of a drive on an output.
 
-    The renderer draws a panel if the output is a terminal that supports fixed rows, and the
-    library rich is installed.  Otherwise it writes plain lines.
+    It draws a panel, a group of fixed rows, if the output is a terminal that supports this, and
+    the Python library rich is installed.  Otherwise it writes plain lines.
 
-    :param descriptor: the file descriptor for the output
+    :param descriptor: the file descriptor of the output
     """
     def write(text: str) -> None:
         # One write call, so that no output of other programs comes in between.
@@ -236,9 +258,9 @@ def renderer_for(descriptor: int) -> LineRenderer:
 
 class TerminalDisplay:
     """
-    Shows the drive whose events arrive on standard input.
+    Shows a drive, from the events that the driving program sends to standard input.
 
-    :param renderer: the renderer of the status
+    :param renderer: the object that shows the status, as a panel or as plain lines
     :param parent: the process id of the driving program
     """
 
@@ -251,9 +273,9 @@ class TerminalDisplay:
 
     def run(self) -> None:
         """
-        Show the drive until the end of standard input.
+        Show the drive until the driving program closes the pipe to standard input.
 
-        If the driving program was killed, restore the terminal, and print a line about it.
+        If the driving program was killed, restore the terminal, and print a line that says so.
         """
         threading.Thread(target=self._read_events, name='events', daemon=True).start()
         try:
@@ -302,7 +324,14 @@ class TerminalDisplay:
 
 
 def describe_killed(tracker: DriveTracker) -> str:
-    """Return a line that says whether the killed program was driving, and what stops the robot."""
+    """
+    Return a line for the user, to print after the driving program was killed.
+
+    If the program was driving, the line also says what stops the robot: the guardian, a separate
+    process for this purpose, or only the robot itself.
+
+    :param tracker: the object that has followed the status of the driving program
+    """
     killed = 'kachaka_simple_control was killed'
     if not tracker.is_under_way:
         return killed
@@ -313,7 +342,7 @@ def describe_killed(tracker: DriveTracker) -> str:
 
 def stop_hint(pid: int, has_keys: bool, is_held: bool) -> str:
     """
-    Return a short text that says how to stop the robot, and what the other keys do.
+    Return a short text that says how to stop the robot, and which other keys the user can press.
 
     :param pid: the process id of the driving program
     :param has_keys: whether the driving program reads keys
@@ -328,7 +357,7 @@ def stop_hint(pid: int, has_keys: bool, is_held: bool) -> str:
 
 def main() -> int:
     """
-    Show the drive of the parent process.
+    Show the drive of the program that started this process.
 
     :returns: the exit code: 0 if the terminal is restored; 1 if the output to it failed, so that
         the driving program must restore it

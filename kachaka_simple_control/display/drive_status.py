@@ -41,7 +41,7 @@ STEP, MOVEMENT = 'step', 'movement'
 
 
 class DriveState(Enum):
-    """The state of a drive; the value is the word that the display shows."""
+    """The states of a drive; the value of each state is the word that the display shows."""
 
     READY = 'ready'
     WAITING = 'waiting'
@@ -56,11 +56,12 @@ class DriveState(Enum):
 @dataclass(frozen=True)
 class Remaining:
     """
-    The remaining distance and angle of a step.
+    The distance and the angle that remain until the end of a step.
 
     :param distance: the distance along the path [m], at least 0; None if the step has no length
     :param angle: the angle to turn [rad], at least 0; None if the step does not turn
-    :param by_odometry: True if the values are from odometry, False if from the sent velocities
+    :param by_odometry: True if distance and angle are from odometry, False if they are from the
+        sent velocities
     """
 
     distance: float | None
@@ -71,16 +72,18 @@ class Remaining:
 @dataclass(frozen=True)
 class StepStatus:
     """
-    The status of the current step.
+    The status of the current step of a motion.
 
-    :param number: the number of the step; the first step is 1
-    :param count: the number of all steps; None if unknown
-    :param noun: the word for what is counted: ``step``, or ``movement`` for one call of a method
-        that drives
+    The step is shown as a numbered step of the motion, or as a numbered movement.  A movement is
+    one call of a method that drives the robot.
+
+    :param number: the number of the step or movement, from 1
+    :param count: the total number of steps or movements; None if unknown
+    :param noun: the word to show before the number: ``step`` or ``movement``
     :param description: a text that says what the step does
     :param duration: the planned duration of the step [s]
     :param time_left: the time until the end of the step according to the plan [s]
-    :param remaining: the remaining distance and angle of the step
+    :param remaining: the distance and the angle that remain until the end of the step
     """
 
     number: int
@@ -93,7 +96,7 @@ class StepStatus:
 
     @property
     def label(self) -> str:
-        """Return the number of the step as text, for example ``step 2 of 9``."""
+        """Return the number of the step or movement as text, for example ``step 2 of 9``."""
         total = '' if self.count is None else f' of {self.count}'
         return f'{self.noun} {self.number}{total}'
 
@@ -103,23 +106,25 @@ class DriveStatus:
     """
     The status of a drive at one time.
 
-    :param state: the state of the drive
+    :param state: the state of the drive, for example driving or paused
     :param title: the name of the motion
     :param robot: the name of the robot; empty if not yet known
-    :param reason: the reason why the motion ended early; None if it did not end early
-    :param topic: the topic that the robot must subscribe to; empty if not yet known
-    :param wait_left: how long the program will still wait for a robot [s]; None if this time is
+    :param reason: why the motion ended early; None if it did not end early
+    :param topic: the topic of velocities, to which the robot must subscribe; empty if not yet
+        known
+    :param wait_left: how long the program will still wait for the robot [s]; None if this time is
         over or unknown
-    :param step: the current step; None if there is none
+    :param step: the status of the current step; None if there is none
     :param duration: the planned duration of the motion [s]; None without a plan
     :param time_left: the time until the end of the motion according to the plan [s]; 0 without a
         plan
     :param commanded: the last sent velocity; None if nothing was sent
     :param odometry: the robot's velocity from odometry; None without odometry
-    :param odometry_age: the age of the last odometry [s]; 0 without odometry
-    :param factors: the speed factors below 1, by the name of their source, such as ``pause``
-    :param silent_for: for how long a running motion has sent no velocity [s]; None if this time is
-        at most EVENT_TIMEOUT, or no motion runs
+    :param odometry_age: the age of the last odometry sample [s]; 0 without odometry
+    :param factors: the speed factors below 1, by the name of their source, such as ``pause``; the
+        product of all speed factors is the speed relative to the plan
+    :param silent_for: for how long the program has sent no velocity during a motion [s]; None if
+        this time is at most EVENT_TIMEOUT (1 s), or if no motion runs
     """
 
     state: DriveState
@@ -139,27 +144,31 @@ class DriveStatus:
 
     @property
     def is_held(self) -> bool:
-        """Return whether the speed factor is so low that the robot is kept at standstill."""
+        """
+        Return whether the speed factor is so low that the robot is kept at standstill.
+
+        The speed factor is the speed relative to the plan, from 0 to 1.
+        """
         return is_hold(self.speed)
 
     @property
     def speed(self) -> float:
-        """Return the speed relative to the plan, from 0 to 1."""
+        """Return the speed relative to the plan: 1 is full speed, and 0 is a pause."""
         return product(self.factors)
 
     def stretched(self, duration: float) -> float:
         """
-        Return the duration of a part of the plan at the current speed [s].
+        Return how long a part of the plan takes at the current speed [s].
 
         If the robot is kept at standstill, return the planned duration.
 
-        :param duration: the planned duration of the part [s]
+        :param duration: the duration of this part in the plan, at full speed [s]
         """
         return duration if self.is_held else duration / self.speed
 
     @property
     def fraction(self) -> float:
-        """Return the completed part of the motion's planned duration, from 0 to 1."""
+        """Return how much of the planned duration is completed, from 0 to 1; without a plan, 1."""
         return 1.0 - self.time_left / self.duration if self.duration else 1.0
 
 
@@ -168,11 +177,12 @@ NO_DISPLACEMENT = Displacement(0.0, 0.0)
 
 class StepOdometer:
     """
-    Sums up the displacement since the start of the current step.
+    Adds up how far the robot has moved since the start of the current step.
 
-    One object is used for commanded displacements, and another for displacements from odometry.
+    One object adds up the movements that follow from the sent velocities.  Another one adds up the
+    movements in odometry.
 
-    :param plan: the plan of the motion; without a plan (None) nothing is summed up
+    :param plan: the plan of the motion; if it is None, nothing is added up
     """
 
     def __init__(self, plan: Plan | None) -> None:
@@ -181,14 +191,14 @@ class StepOdometer:
 
     def update(self, duration: float, plan_time: float, displacement: Displacement) -> None:
         """
-        Add a displacement.
+        Add a movement of the robot.
 
-        If a new step began during the displacement, the sum restarts.  Then only the part of the
-        displacement after the start of the new step is added, in proportion to time.
+        If a new step began during the movement, the sum restarts at 0.  Then only the part of the
+        movement after the start of the new step is added, in proportion to time.
 
-        :param duration: the duration of the displacement [s]
-        :param plan_time: the time in the plan at the end of the displacement [s]
-        :param displacement: the displacement
+        :param duration: the duration of the movement [s]
+        :param plan_time: the time in the plan at the end of the movement [s]
+        :param displacement: the distance and the angle of the movement
         """
         if self._plan is None or not self._plan.steps:
             return
@@ -201,12 +211,18 @@ class StepOdometer:
                                  self._sum.angle + share * displacement.angle)
 
     def displacement(self, step: int) -> Displacement:
-        """Return the displacement since the start of a step; 0 if this is not the current step."""
+        """
+        Return the distance and the angle that the robot has moved since the start of a step.
+
+        If the last added movement belongs to another step, return 0 for both.
+
+        :param step: the index of the step in the plan, from 0
+        """
         return self._sum if step == self._step else NO_DISPLACEMENT
 
 
 class DriveTracker:
-    """Tracks the status of one driving program from the events that it sends, in order."""
+    """Follows the status of one driving program from its events, which must arrive in order."""
 
     def __init__(self) -> None:
         self._session: events.SessionStarted | None = None
@@ -227,7 +243,7 @@ class DriveTracker:
         self.session_ended: events.SessionEnded | None = None
 
     def on_event(self, event: events.Event) -> None:
-        """Update the status from an event."""
+        """Update the status of the drive from an event, such as a sent velocity."""
         match event:
             case events.VelocitySent():
                 self._on_velocity(event)
@@ -251,7 +267,7 @@ class DriveTracker:
 
     def status_at(self, now: float) -> DriveStatus:
         """
-        Return the status of the drive at a time.
+        Return the status of the drive at a time, according to all events so far.
 
         :param now: the time [s on the steady clock]
         """
@@ -281,12 +297,12 @@ class DriveTracker:
 
     @property
     def has_keys(self) -> bool:
-        """Whether the driving program reads keys."""
+        """Whether the driving program reads keys from the terminal."""
         return self._session is not None and self._session.has_keys
 
     @property
     def is_guarded(self) -> bool:
-        """Whether a guardian stops the robot if the program is killed."""
+        """Whether a separate process, the guardian, stops the robot if the program is killed."""
         return self._session is not None and bool(self._session.settings.get('guardian'))
 
     def _on_plan(self, event: events.MotionPlanned) -> None:
@@ -319,9 +335,11 @@ class DriveTracker:
 
     def _plan_time(self, now: float) -> float:
         """
-        Return the current time in the plan [s].
+        Return the time in the plan that the motion has reached [s after the start of the plan].
 
-        While a speed factor slows the motion, the error is at most one period of the velocities.
+        While the speed is reduced, the error is at most one period between two velocities.
+
+        :param now: the current time [s on the steady clock]
         """
         own = self._own
         if own is None or own.plan_time is None:
@@ -410,7 +428,14 @@ class DriveTracker:
 
 
 def _remaining_amount(total: float, done: float) -> float | None:
-    """Return how much of a signed total remains, at least 0; None if the total is 0."""
+    """
+    Return how much of a distance or of an angle remains, at least 0.
+
+    If the total is 0, return None.
+
+    :param total: the whole distance or angle of the step, negative backwards or to the right
+    :param done: the distance or angle that is already done, also with its sign
+    """
     if total == 0.0:
         return None
     return max(0.0, total - done if total > 0.0 else done - total)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Render the status of a drive as a panel of a few terminal lines, with the library rich."""
+"""Draw the status of a drive as a panel of a few terminal lines, with the Python library rich."""
 
 from __future__ import annotations
 
@@ -57,12 +57,14 @@ _TEXTS = {
 
 def render_panel(console: Console, columns: int, status: DriveStatus, hint: str) -> list[str]:
     """
-    Return the ``HEIGHT`` lines of a panel, each narrower than the terminal.
+    Return the lines of a panel that shows the status of a drive.
 
-    :param console: the console, which knows the available colours and characters
+    There are ``HEIGHT`` lines, and each is narrower than the terminal.
+
+    :param console: the console of the library rich; it knows the available colours and characters
     :param columns: the width of the terminal [columns]
     :param status: the status of the drive
-    :param hint: the text that says how to stop
+    :param hint: the text that says how to stop the robot
     """
     # One column stays free, because a terminal may wrap a line of full width.
     width = min(columns - 1, MAX_COLUMNS)

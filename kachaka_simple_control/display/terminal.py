@@ -14,14 +14,16 @@
 """
 Start the display of a driving program, reserve terminal rows for it, and read single keys.
 
-The scroll region of the terminal excludes the lowest rows.  Other programs write directly to the
-terminal, and their output scrolls above the fixed rows.  Each text for the rows must be written in
-one call, so that no other output comes in between.
+The lowest rows of the terminal are excluded from scrolling.  Other programs write directly to the
+terminal, and their output scrolls above these fixed rows.  Each text for the fixed rows must be
+written in one call, so that no other output comes in between.
 
-The driving program reads the keys, because only a foreground process may read from a terminal.
-In the background it does not read, because the read would suspend the program and end the drive.
+The driving program, and not the display, reads the keys, because only a foreground process may
+read from a terminal.  In the background it does not read, because the read would suspend the
+program and end the drive.
 
-The driving program imports this module, so it must load quickly, and without rich.
+The driving program imports this module.  So this module must load quickly, and does not use the
+library rich.
 """
 
 from __future__ import annotations
@@ -67,7 +69,7 @@ def reserve_rows(rows: int, height: int) -> str:
     """
     Return the escape sequences that reserve fixed rows at the bottom of the terminal.
 
-    They also clear the rows below the cursor.
+    The escape sequences also clear the rows below the cursor.
 
     :param rows: the number of rows of the terminal
     :param height: the number of fixed rows
@@ -78,10 +80,12 @@ def reserve_rows(rows: int, height: int) -> str:
 
 def draw_rows(rows: int, lines: Sequence[str]) -> str:
     """
-    Return the text that draws the fixed rows and keeps the cursor position.
+    Return the text that draws fixed rows at the bottom of the terminal.
+
+    The text does not change the position of the cursor.
 
     :param rows: the number of rows of the terminal
-    :param lines: the lines of the fixed rows, none wider than the terminal
+    :param lines: the lines to draw, one for each fixed row, none wider than the terminal
     """
     first = rows - len(lines) + 1
     drawn = ''.join(
@@ -90,7 +94,7 @@ def draw_rows(rows: int, lines: Sequence[str]) -> str:
 
 
 def is_terminal(descriptor: int) -> bool:
-    """Return whether a file descriptor is a terminal that supports fixed rows."""
+    """Return whether a file descriptor is a terminal that can keep rows fixed at the bottom."""
     try:
         return os.isatty(descriptor) and os.environ.get('TERM', 'dumb') not in ('', 'dumb')
     except OSError:
@@ -99,11 +103,12 @@ def is_terminal(descriptor: int) -> bool:
 
 class DisplayProcess(SubscriberProcess):
     """
-    Starts the display process of a drive, and ends it.
+    Starts the process that displays a drive in the terminal, and ends it.
 
     If the display is killed, this class restores the terminal at once, so that no outdated panel
-    remains.  If the display does not exit at the end, it is killed.  But if the terminal is
-    blocked by Ctrl+S, the display keeps running, and clears the terminal after Ctrl+Q.
+    remains.  If the display does not exit at the end of the drive, it is killed.  There is one
+    exception: if Ctrl+S blocks the terminal, the display keeps running, and clears the terminal
+    after Ctrl+Q.
     """
 
     def __init__(self) -> None:
@@ -113,7 +118,10 @@ class DisplayProcess(SubscriberProcess):
 
     def close(self, timeout: float) -> int | None:
         """
-        Close the pipe and wait for the process to exit.
+        Close the pipe to the display process, and wait for the process to exit.
+
+        If the process does not exit within ``timeout``, or within 1 s if this is shorter, it is
+        killed.  But it is not killed if it waits for a terminal that is blocked by Ctrl+S.
 
         :param timeout: the longest wait [s]
         :returns: the exit code; None if the process still waits for the terminal
@@ -136,10 +144,10 @@ class Keyboard:
     """
     A context manager that reads keys in a separate thread, and calls a function for each key.
 
-    It does nothing if there are no functions or if standard input is not a terminal.
+    If there are no functions, or standard input is not a terminal, it does nothing.
 
     :param functions: the function to call for each key, by character; other keys are ignored
-    :param warn: called with the text of a ControlError that a function raises
+    :param warn: a function to call with the text of each ControlError that a key's function raises
     """
 
     def __init__(
@@ -151,7 +159,7 @@ class Keyboard:
         self._thread = threading.Thread(target=self._run, name='keyboard', daemon=True)
 
     def __enter__(self) -> Keyboard:
-        """Start to read keys; in the background no keys are read."""
+        """Start to read keys; while this program is in the background, it does not read."""
         if self._functions and is_keyboard():
             self._thread.start()
             self._is_reading.wait(FOREGROUND_PERIOD)
@@ -189,9 +197,9 @@ class Keyboard:
 
     def _read(self, ignored: str) -> bool:
         """
-        Read keys, and call the functions for them.
+        Read the pressed keys, and call the function of each key.
 
-        :param ignored: the keys for which no function is called
+        :param ignored: the keys for which no function is called this time
         :returns: False at the end of input, otherwise True
         """
         try:
@@ -216,6 +224,8 @@ def is_keyboard() -> bool:
 def set_line_modes(descriptor: int, is_on: bool) -> None:
     """
     Switch the line mode and the echo of a terminal on or off.
+
+    In line mode, a program reads whole lines.  Without it, a program reads each key at once.
 
     :param descriptor: the file descriptor of the terminal
     :param is_on: True for whole lines with echo, False for single keys without echo
