@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Plots, tables and recordings of a plan, of the sent commands and of the driven motion."""
+"""Plots, tables and recordings of planned motions, of sent velocities and of odometry."""

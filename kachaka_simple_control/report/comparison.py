@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Compare several drives of one motion by the accuracy and repeatability of the end pose."""
+"""
+Compare several drives of the same motion by the poses at which they ended.
+
+A drive is one run of the robot.  The comparison shows the accuracy and the repeatability of the
+end pose.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +57,13 @@ HEAD = (Column('drive'), Column('x', '[mm]'), Column('y', '[mm]'), Column('headi
 
 
 class End(NamedTuple):
-    """An end pose, or the difference of two end poses: x [m], y [m], heading [rad]."""
+    """
+    The pose of the robot at the end of a motion, or the difference of two such poses.
+
+    :param x: the x coordinate in the frame of the start pose [m]
+    :param y: the y coordinate in the frame of the start pose [m]
+    :param heading: the heading relative to the start pose [rad], positive to the left
+    """
 
     x: float
     y: float
@@ -62,14 +73,14 @@ class End(NamedTuple):
 @dataclass(frozen=True)
 class DriveEnd:
     """
-    The end of a drive, as read from its report.
+    How a drive ended, according to its report; a drive is one run of the robot.
 
-    :param name: the directory of the report
-    :param motions: the names of the driven motions
+    :param name: the directory of the report, as text
+    :param motions: the names of the motions that the robot drove, in order
     :param planned: the planned end pose
     :param error: the end pose from odometry minus the planned end pose
-    :param late: the number of messages that were late or lost
-    :param paths: the points of two paths [m]: ``planned`` and ``odometry``
+    :param late: the number of planned velocity messages that were not sent on time
+    :param paths: two paths as lists of points [m], with the keys ``planned`` and ``odometry``
     """
 
     name: str
@@ -83,12 +94,12 @@ class DriveEnd:
 @dataclass(frozen=True)
 class Spread:
     """
-    The accuracy and the repeatability of the ends of several drives.
+    The accuracy and the repeatability of the end poses of several drives of one motion.
 
-    :param mean: the mean error of the end pose
-    :param deviation: the standard deviation of this error
-    :param worst_distance: the largest distance between an end and the mean end [m]
-    :param worst_angle: the largest angle between an end heading and the mean end heading [rad]
+    :param mean: the mean error; an error is an end pose from odometry minus the planned end pose
+    :param deviation: the standard deviation of the errors
+    :param worst_distance: the largest distance of an end position from the mean end position [m]
+    :param worst_angle: the largest difference of an end heading from the mean end heading [rad]
     """
 
     mean: End
@@ -99,10 +110,12 @@ class Spread:
 
 def read_drive(directory: Path) -> DriveEnd:
     """
-    Read the end of a drive from its report.
+    Read from a report how a drive ended; a drive is one run of the robot.
 
-    :param directory: the directory of the report
-    :raises UsageError: if there is no valid report, or the drive was not completed
+    :param directory: the directory of the report, which contains the file ``run.json``
+    :returns: the planned end pose, the error of the end pose from odometry, and the paths
+    :raises UsageError: if there is no valid report, if the drive was not completed, or if the
+        report has no end pose from odometry
     """
     name = escaped(str(directory), 60)
     try:
@@ -122,9 +135,9 @@ def read_drive(directory: Path) -> DriveEnd:
 
 def _read(path: Path) -> bytes:
     """
-    Return the content of a file.
+    Return the content of a file as bytes.
 
-    :raises OSError: if the file cannot be read, is too large, or is a device or a pipe
+    :raises OSError: if the file cannot be read, is larger than MAX_BYTES, or is a device or a pipe
     """
     # Opening a pipe would block, and reading a device may never end.
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -139,11 +152,11 @@ def _read(path: Path) -> bytes:
 
 def _drive_end(name: str, data: dict[str, Any]) -> DriveEnd:
     """
-    Return the end of a drive.
+    Return the end pose and the paths of a drive from the data in its report.
 
-    :param name: the directory of the report of the drive
-    :param data: the content of ``run.json`` in this directory
-    :raises UsageError: if the drive was not completed, or odometry does not show its end
+    :param name: the directory of the report
+    :param data: the content of the file ``run.json`` in this directory
+    :raises UsageError: if the drive was not completed, or the report has no end pose from odometry
     """
     if data['verdict']['ending'] != 'done':
         raise UsageError(
@@ -163,10 +176,10 @@ def _drive_end(name: str, data: dict[str, Any]) -> DriveEnd:
 
 def _finite(value: object) -> float:
     """
-    Return a value from a file as a float.
+    Check a number that was read from a file, and return it as a float.
 
     :raises TypeError: if the value is not a number
-    :raises ValueError: if the value is not finite
+    :raises ValueError: if the number is infinite or NaN
     """
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise TypeError(value)
@@ -183,9 +196,11 @@ def _end(values: dict[str, Any] | None) -> End | None:
 
 def require_same(drives: Sequence[DriveEnd]) -> None:
     """
-    Check that drives can be compared.
+    Check that there are at least two drives, and that all are drives of the same motion.
 
-    :raises UsageError: if there are fewer than two drives, or drives of different motions
+    :param drives: the ends of the drives
+    :raises UsageError: if there are fewer than two drives, or if the names of the motions or the
+        planned end poses differ
     """
     if len(drives) < 2:
         raise UsageError('two drives or more can be compared; name their reports')
@@ -198,7 +213,13 @@ def require_same(drives: Sequence[DriveEnd]) -> None:
 
 
 def spread(drives: Sequence[DriveEnd]) -> Spread:
-    """Return the accuracy and the repeatability of two or more drives of the same motion."""
+    """
+    Return the accuracy and the repeatability of the end poses of several drives.
+
+    :param drives: the ends of two or more drives of the same motion
+    :returns: the mean and the standard deviation of the errors of the end poses, and the largest
+        distance and angle of an end pose from the mean
+    """
     errors = [drive.error for drive in drives]
     mean, deviation = End(*map(fmean, zip(*errors))), End(*map(stdev, zip(*errors)))
     return Spread(
@@ -209,9 +230,12 @@ def spread(drives: Sequence[DriveEnd]) -> Spread:
 
 def comparison_table(drives: Sequence[DriveEnd], widest: int) -> str:
     """
-    Return a table of the end errors of drives, with their accuracy and repeatability.
+    Return a text table of the end pose errors of several drives.
 
-    :param drives: two or more drives of the same motion
+    The table has a row for each drive, and rows for the mean and the standard deviation.  Two
+    sentences below the table give the accuracy and the repeatability.
+
+    :param drives: the ends of two or more drives of the same motion
     :param widest: the largest width of the table [columns]
     """
     found = spread(drives)
@@ -244,10 +268,10 @@ def _angle(value: float) -> str:
 
 def save_comparison(drives: Sequence[DriveEnd], path: Path) -> None:
     """
-    Plot the odometry paths of drives over the planned path.
+    Save a plot of the odometry paths of several drives, with the planned path for comparison.
 
-    :param drives: two or more drives of the same motion
-    :param path: the path of the file, returned by ``check_plot_file``
+    :param drives: the ends and the paths of two or more drives of the same motion
+    :param path: the path of the image file, as checked by ``check_plot_file``
     :raises UsageError: if matplotlib is missing, or the file cannot be written
     """
     save_figure(draw_figure(lambda figure: _draw(figure, drives)), path)

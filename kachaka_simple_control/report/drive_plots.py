@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""All plots of a drive as SVG: path, velocities, errors, and intervals between messages."""
+"""
+Plots of a drive, which is one run of the robot.
+
+The plots show the path, the velocities, the errors of odometry, and the time intervals between
+velocity messages.  Another plot shows the result of a calibration.
+"""
 
 from __future__ import annotations
 
@@ -80,10 +85,10 @@ PATH, VELOCITIES, ERRORS, PERIODS = 'path', 'velocities', 'errors', 'periods'
 @dataclass(frozen=True)
 class DrivePlots:
     """
-    The plots of a drive.
+    The plots of a drive, which is one run of the robot.
 
-    :param svg: the SVG element of each plot, by the name of the plot
-    :param png: the content of a PNG file of the path; empty if there is no plot of the path
+    :param svg: the plots as SVG elements for an HTML page; the key is the name of the plot
+    :param png: the plot of the path as the content of a PNG file; empty if there is no such plot
     """
 
     svg: dict[str, str]
@@ -92,8 +97,12 @@ class DrivePlots:
 
 def draw_drive_plots(summary: Summary) -> DrivePlots:
     """
-    Draw the plots of a drive; a plot without data is left out.
+    Draw all plots of a drive for which there is data.
 
+    For example, there is no plot of odometry errors if no odometry was received.
+
+    :param summary: the results of the drive, which is one run of the robot
+    :returns: the plots as SVG elements, and the plot of the path also as a PNG file
     :raises UsageError: if matplotlib is missing
     """
     figures = {name: draw_figure(draw) for name, draw in _plots(summary).items()}
@@ -123,7 +132,13 @@ def _plots(summary: Summary) -> dict[str, Callable[[Figure], None]]:
 
 
 def common_limits(log: DriveLog) -> Limits:
-    """Return the limits of all planned motions; if they differ, the limits of the robot."""
+    """
+    Return the velocity and acceleration limits with which the motions of a drive were planned.
+
+    If the motions were planned with different limits, return the limits of the robot.
+
+    :param log: the record of the drive, with at least one planned motion
+    """
     first, *others = [motion.planned.limits for motion in log.motions]
     session = log.session_started
     return first if session is None or all(limits == first for limits in others) else (
@@ -132,12 +147,15 @@ def common_limits(log: DriveLog) -> Limits:
 
 def embed_svg(svg: str, name: str) -> str:
     """
-    Return an SVG file from matplotlib as an element of an HTML page.
+    Convert an SVG file from matplotlib to an SVG element inside an HTML page.
 
-    The element fills the available width.  It has no namespaces, no metadata and no style sheet.
+    The element fills the available width.  It has no XML namespaces, no metadata and no style
+    sheet.  Its colours are CSS variables, so that the page can change them.
 
-    :param svg: the text of the file
-    :param name: the prefix of each id in the element, so that ids differ between plots
+    :param svg: the text of the SVG file
+    :param name: a prefix for the ids in the element, so that two plots on one page have no common
+        id
+    :returns: the text of the element
     """
     svg = svg[svg.index('<svg'):]
     svg = re.sub(r'<metadata>.*?</metadata>', '', svg, flags=re.DOTALL)
@@ -157,12 +175,15 @@ def embed_svg(svg: str, name: str) -> str:
 def draw_drive_velocities(figure: Figure, aligned: AlignedDrive, limits: Limits,
                           pauses: Sequence[SpeedInterval] = ()) -> None:
     """
-    Draw both components of the velocity over time, with limits dashed and pauses shaded.
+    Draw the linear and the angular velocity of a drive over time, in two plots.
+
+    The lines show the planned velocity, the sent velocity and the velocity from odometry.  Dashed
+    lines show the limits, and shaded areas show pauses.
 
     :param figure: an empty figure; the function sets its size
-    :param aligned: the drive
-    :param limits: the limits to draw
-    :param pauses: the times at which the robot was paused
+    :param aligned: the plans, the sent velocities and the odometry of the drive
+    :param limits: the velocity limits to draw
+    :param pauses: the time intervals in which the robot was paused
     """
     rows = _rows(figure, BOTTOM + KEY)
     duration = aligned.time_span
@@ -184,12 +205,13 @@ def draw_drive_velocities(figure: Figure, aligned: AlignedDrive, limits: Limits,
 
 def draw_drive_errors(figure: Figure, aligned: AlignedDrive) -> None:
     """
-    Draw the position error and the heading error of odometry over time.
+    Draw the position error and the heading error of odometry over time, in two plots.
 
-    The errors are relative to the pose that is expected from the sent velocities.
+    The error is the difference between the pose from odometry and the pose that is expected from
+    the sent velocities.
 
     :param figure: an empty figure; the function sets its size
-    :param aligned: the drive, with odometry
+    :param aligned: the sent velocities and the odometry of the drive; odometry must not be empty
     """
     rows = _rows(figure, BOTTOM)
     duration = aligned.time_span
@@ -230,12 +252,13 @@ def _velocity_lines(
 def _rows(figure: Figure, bottom: float, width: float = WIDTH, row: float = ROW,
           gap: float = GAP) -> tuple[Axes, Axes]:
     """
-    Set the size of a figure, and add axes for two plots over time, one above the other.
+    Set the size of a figure, and add the axes of two plots over time, one above the other.
 
-    :param bottom: the room below the plots [inch]
+    :param bottom: the free space below the lower plot [inch]
     :param width: the width of the figure [inch]
     :param row: the height of each plot [inch]
-    :param gap: the gap between the plots [inch]
+    :param gap: the space between the two plots [inch]
+    :returns: the axes of the upper plot and of the lower plot
     """
     figure.set_size_inches(width, bottom + 2.0 * row + gap + TOP)
     above, below = (add_axes(figure, LEFT, edge, width - LEFT - RIGHT, row)
@@ -251,7 +274,12 @@ def _set_time(axes: Axes, aligned: AlignedDrive, scale: Scale, label: str) -> No
 
 
 def is_dense(aligned: AlignedDrive) -> bool:
-    """Return whether a drive has too many points for lines, so that it is drawn as bands."""
+    """
+    Return whether a drive has too many messages or odometry samples to draw each one in a plot.
+
+    The limit is MAX_LINE_POINTS.  With more points, a plot over time shows bands instead of lines.
+    A band shows the lowest and the highest value in each of many short time intervals.
+    """
     return max(len(aligned.sent), len(aligned.odometry)) > MAX_LINE_POINTS
 
 
@@ -279,10 +307,10 @@ def _draw_line(axes: Axes, aligned: AlignedDrive, points: Sequence[StepPoint],
 
 def draw_periods(figure: Figure, interval_errors: Sequence[float]) -> None:
     """
-    Draw a histogram of the errors of the intervals between messages.
+    Draw a histogram of the errors of the time intervals between velocity messages.
 
     :param figure: an empty figure; the function sets its size
-    :param interval_errors: each interval minus the planned interval [s]
+    :param interval_errors: for each interval, its measured length minus its planned length [s]
     """
     figure.set_size_inches(WIDTH, PERIOD_HEIGHT)
     axes = add_axes(figure, LEFT, BOTTOM, WIDTH - LEFT - RIGHT, PERIOD_HEIGHT - TOP - BOTTOM)
@@ -302,12 +330,15 @@ def draw_periods(figure: Figure, interval_errors: Sequence[float]) -> None:
 
 def histogram(values: Sequence[float]) -> tuple[float, list[int]]:
     """
-    Count the values in each bar of a histogram; zero is in the middle of the middle bar.
+    Count how many values belong to each bar of a histogram.
 
-    All bars have the same width.  Outer bars without values are left out.
+    All bars have the same width, and the middle bar has its centre at zero.  Empty bars are
+    removed in pairs, one at each end, but at least 11 bars are kept.  Values that are infinite or
+    NaN are not counted.
 
     :param values: the values [ms]
-    :returns: the range of the bars on each side of zero [ms], and the counts from left to right
+    :returns: the distance from zero to each end of the histogram [ms], and the count of each bar
+        from left to right
     """
     finite = [value for value in values if math.isfinite(value)]
     largest = max((abs(value) for value in finite), default=0.0)
@@ -323,11 +354,15 @@ def histogram(values: Sequence[float]) -> tuple[float, list[int]]:
 
 def save_calibration_plot(log: DriveLog, fit: CalibrationFit, path: Path) -> None:
     """
-    Plot a calibration; if the fit is good, the line of odometry lies on the fitted line.
+    Save a plot that shows how well a calibration fits the drive from which it was computed.
 
-    :param log: the drive
+    The plot shows the x coordinate and the heading over time.  Each has three lines: expected from
+    the sent velocities, expected from the fitted calibration, and reported by odometry.  If the
+    fit is good, the line of odometry lies on the line of the fitted calibration.
+
+    :param log: the record of the calibration drive
     :param fit: the result of the fit to this drive
-    :param path: the path of the file, returned by ``check_plot_file``
+    :param path: the path of the image file, as checked by ``check_plot_file``
     :raises UsageError: if matplotlib is missing, or the file cannot be written
     """
     save_figure(draw_figure(lambda figure: _draw_calibration(figure, log, fit)), path)

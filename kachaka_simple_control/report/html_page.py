@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Render the report as one HTML page from ``templates/report.html.j2``."""
+"""Make the HTML page of a drive's report from the template ``templates/report.html.j2``."""
 
 from __future__ import annotations
 
@@ -65,12 +65,13 @@ LOST_SIGN = 'M12 4v10M12 18v2'
 def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None,
                 recording: str | None) -> str:
     """
-    Return a report as an HTML page.
+    Return the report of a drive as the text of an HTML page.
 
-    :param summary: the drive
-    :param plots: SVG elements by the name of the plot
+    :param summary: the results of the drive, which is one run of the robot
+    :param plots: the plots as SVG elements; the key is the name of the plot
     :param no_plots: the reason why there are no plots; None if there are plots
-    :param recording: the reason why ``run.mcap`` is missing or incomplete; None if it is complete
+    :param recording: the reason why the recording ``run.mcap`` is missing or incomplete; None if
+        it is complete
     :raises UsageError: if Jinja2 is missing
     """
     try:
@@ -105,7 +106,14 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
 
 
 def _keep_units(page: str) -> str:
-    """Put no-break spaces between numbers and units, except in markup and preformatted text."""
+    """
+    Replace the space between each number and its unit with a no-break space.
+
+    HTML tags, style sheets, SVG elements and preformatted text do not change.
+
+    :param page: the text of an HTML page
+    :returns: the changed page
+    """
     return ''.join(part if index % 2 else _UNIT.sub('\\1\N{NO-BREAK SPACE}\\2', part)
                    for index, part in enumerate(_FIXED.split(page)))
 
@@ -123,7 +131,15 @@ def _degrees(angle: float, digits: int = 2) -> str:
 
 
 def _ended(summary: Summary) -> tuple[str, str]:
-    """Return the error of the end pose and the goal from which it is measured, as text."""
+    """
+    Return two texts: the error of a drive's end pose, and the pose to which it was compared.
+
+    If all motions were completed, the last pose from odometry is compared to the planned end pose.
+    Otherwise, it is compared to the pose that is expected from the sent velocities.  Without
+    odometry, the texts say that the error is unknown.
+
+    :param summary: the results of the drive
+    """
     for error, goal in ((summary.error_from_plan, 'the planned end'),
                         (summary.error_from_sent, 'where it was sent')):
         if error is not None:
@@ -133,7 +149,15 @@ def _ended(summary: Summary) -> tuple[str, str]:
 
 
 def _poses(summary: Summary) -> Iterator[tuple[str, tuple[str, str, str]]]:
-    """Yield the name of each end pose, and its x [m], y [m] and heading [deg] as text."""
+    """
+    Yield three end poses of a drive as text: as planned, as sent, and from odometry.
+
+    The pose "as sent" is the end pose of a robot that follows the sent velocities exactly.  An
+    unknown number is shown as a hyphen.
+
+    :param summary: the results of the drive
+    :returns: for each pose, its name, and a tuple of x [m], y [m] and heading [deg]
+    """
     aligned = summary.aligned
     heading = 0.0
     for name, pose in (('planned', aligned.planned_end),
@@ -149,10 +173,14 @@ def _poses(summary: Summary) -> Iterator[tuple[str, tuple[str, str, str]]]:
 
 def _silence(summary: Summary) -> tuple[float, float] | None:
     """
-    Return the times of the last odometry and of the last message, if odometry ended early.
+    Return the times of the last odometry and the last message, if odometry ended early.
 
-    :returns: both times [s after t = 0]; None if the last message is at most 0.5 s after the last
-        odometry
+    Odometry ended early if its last sample is more than 0.5 s before the last velocity message.
+
+    :param summary: the results of the drive
+    :returns: the times of the last odometry sample and of the last message [s after the start of
+        the first motion]; None if odometry did not end early, or if there is no odometry or no
+        message
     """
     aligned, seen = summary.aligned, summary.last_seen
     if not aligned.sent or seen is None:
@@ -163,10 +191,13 @@ def _silence(summary: Summary) -> tuple[float, float] | None:
 
 def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
     """
-    Return the first and the last rows of a table with their numbers.
+    Add a number to each row of a table, from 1, and leave out the middle of a long table.
 
-    :returns: the number and the content of each row; if rows are left out, their count and None
-        are in their place
+    A table with more than 1000 rows keeps only its first 500 and its last 500 rows.
+
+    :param rows: all rows of the table
+    :returns: the number and the content of each row; one pair in the middle stands for all rows
+        that are left out, and contains their count and None
     """
     numbered: list[tuple[int, T | None]] = list(enumerate(rows, 1))
     left_out = len(rows) - 2 * SHOWN
@@ -177,11 +208,14 @@ def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
 
 def _step_tables(summary: Summary) -> tuple[list[StepRow], list[StepRow]]:
     """
-    Return the rows of the table of steps, and of a longer table.
+    Return the rows of a short and of a long table of the steps that the robot drove.
 
-    With more than MAX_ROWS steps, the first table leaves out repeated steps, and the longer table
-    shows all steps; if there are more than 1001, it shows the first 500 and the last 500.
-    Otherwise the longer table is empty.
+    A step is a part of a motion, for example a turn.  With at most MAX_ROWS steps, the short table
+    shows all steps, and the long table is empty.  With more steps, the short table leaves out
+    repetitions of steps, and also its middle if it is still too long.  The long table then shows
+    all steps, or only the first 500 and the last 500 if there are more than 1001 steps.
+
+    :param summary: the results of the drive
     """
     results = summary.steps
     keys = [(result.motion, result.log.planned.path, result.log.step, result.log.is_complete,
@@ -213,7 +247,13 @@ def _shows_motions(summary: Summary) -> bool:
 
 
 def _description(summary: Summary) -> str:
-    """Return the description of the motion; empty if there are several descriptions or none."""
+    """
+    Return the description of the driven motions, if all of them have the same description.
+
+    If the descriptions differ, or if no motion was planned, return an empty text.
+
+    :param summary: the results of the drive
+    """
     descriptions = {motion.planned.motion.description for motion in summary.log.motions}
     return descriptions.pop() if len(descriptions) == 1 else ''
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Export the results of a drive as JSON; docs/report.md describes each field."""
+"""
+Export the results of a drive, which is one run of the robot, as JSON.
+
+The file docs/report.md describes each field.
+"""
 
 from __future__ import annotations
 
@@ -45,19 +49,24 @@ def run_json(summary: Summary, recording: str | None) -> str:
     """
     Return the results of a drive as the text of a JSON file.
 
-    :param summary: the drive
-    :param recording: the reason why ``run.mcap`` is missing or incomplete; None if it is complete
+    :param summary: the results of the drive, which is one run of the robot
+    :param recording: the reason why the recording ``run.mcap`` is missing or incomplete; None if
+        it is complete
     """
     return json.dumps(_plain(fields(summary, recording)), indent=1, allow_nan=False) + '\n'
 
 
 def fields(summary: Summary, recording: str | None) -> Fields:
     """
-    Return the results of a drive by name; the name of a quantity ends with the unit.
+    Return the results of a drive as a dictionary, from which a JSON file is made.
 
-    :param summary: the drive
-    :param recording: the reason why ``run.mcap`` is missing or incomplete; None if it is complete
-    :returns: the results; an unknown value is None or not finite
+    Most keys of quantities end with the unit, for example ``planned_s`` for a time in seconds.
+    The keys of the robot's limits have no unit; these limits use metres, radians and seconds.
+
+    :param summary: the results of the drive, which is one run of the robot
+    :param recording: the reason why the recording ``run.mcap`` is missing or incomplete; None if
+        it is complete
+    :returns: the results; an unknown value is None, infinite or NaN
     """
     log = summary.log
     session, end = log.session_started, log.session_ended
@@ -97,7 +106,13 @@ def fields(summary: Summary, recording: str | None) -> Fields:
 
 
 def start_datetime(summary: Summary) -> datetime | None:
-    """Return the date and time of t = 0; None if no motion started or the time is unknown."""
+    """
+    Return the date and time at which the first motion of a drive started, in UTC.
+
+    Return None if no motion started, or if the date is not known.
+
+    :param summary: the results of the drive
+    """
     session, began = summary.log.session_started, summary.aligned.start_time
     if session is None or not math.isfinite(session.epoch + began):
         return None
@@ -116,7 +131,14 @@ def _outcome(summary: Summary) -> Fields:
 
 
 def _path(summary: Summary) -> Fields:
-    """Return the planned path and the odometry path as points [m], simplified for plots."""
+    """
+    Return the planned path and the odometry path of a drive as lists of points [m].
+
+    Each path has at most 500 points, which are enough to plot it.
+
+    :param summary: the results of the drive
+    :returns: the two paths, with the keys ``planned`` and ``odometry``
+    """
     lines = path_lines(summary.aligned)
     return {name: [[round(value, 4) for value in point]
                    for point in simplify(lines.get(name, []), PATH_GRAIN, MAX_PATH_POINTS)]
@@ -143,7 +165,14 @@ def _timing(summary: Summary) -> Fields:
 
 
 def _speed(summary: Summary) -> Fields:
-    """Return the pauses and slow intervals; empty if the whole drive was at full speed."""
+    """
+    Return when a drive was paused or slower than planned, as fields of a JSON object.
+
+    :param summary: the results of the drive
+    :returns: the field ``speed`` with the total time of all pauses, and the time intervals in
+        which the speed setting did not change; an empty dictionary if the whole drive had the
+        planned speed
+    """
     if not summary.speed:
         return {}
     return {'speed': {
@@ -201,7 +230,13 @@ def _pose(pose: Pose | None) -> Fields | None:
 
 
 def _plain(value: object) -> object:
-    """Convert a value to JSON types; a number that is not finite becomes None."""
+    """
+    Convert a value to types that JSON can represent.
+
+    A float is rounded to nine decimal places.  A float that is infinite or NaN becomes None.  The
+    values in a dictionary or a list are converted too, and an object of any other type becomes
+    text.
+    """
     if isinstance(value, bool) or value is None or isinstance(value, (int, str)):
         return value
     if isinstance(value, float):

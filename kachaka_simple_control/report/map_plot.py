@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Draw maps to scale: the path of a drive, and marks along paths, such as step numbers."""
+"""Draw paths as maps that are true to scale, with marks such as arrow heads and step numbers."""
 
 from __future__ import annotations
 
@@ -79,12 +79,13 @@ PlannedPath = list[list[ArcSegment]]
 def add_map(figure: Figure, points: Iterable[Point],
             bottom: float = MAP_BOTTOM) -> tuple[Axes, float]:
     """
-    Set the size of a figure, and add a map around points.
+    Set the size of a figure, and add the axes of a map that shows all given points.
 
     :param figure: an empty figure
-    :param points: the points [m]; those that are not finite are left out
-    :param bottom: the room below the map [inch]
-    :returns: the axes, and the larger one of the map's width and height [m]
+    :param points: the points to show [m]; points with an infinite or NaN coordinate are ignored
+    :param bottom: the free space below the map, for example for a legend [inch]
+    :returns: the axes, and the size of the map, which is the larger one of its width and height
+        [m]
     """
     area = extent(points, FLATTEST, TALLEST)
     width = WIDTH - MAP_LEFT - MAP_RIGHT
@@ -98,11 +99,11 @@ def add_map(figure: Figure, points: Iterable[Point],
 
 def extent(points: Iterable[Point], flattest: float, tallest: float) -> Area:
     """
-    Return an area [m] around points, with a margin.
+    Return a rectangular area [m] that contains all given points, with a margin around them.
 
-    :param points: the points [m]; those that are not finite are left out
-    :param flattest: the smallest ratio of height to width
-    :param tallest: the largest ratio of height to width
+    :param points: the points [m]; points with an infinite or NaN coordinate are ignored
+    :param flattest: the smallest allowed ratio of the area's height to its width
+    :param tallest: the largest allowed ratio of the area's height to its width
     """
     xs, ys = zip(*(point for point in points if math.isfinite(point[0] + point[1])))
     free = 1.0 + 2.0 * MAP_MARGIN
@@ -115,9 +116,12 @@ def extent(points: Iterable[Point], flattest: float, tallest: float) -> Area:
 
 def set_map_limits(axes: Axes, area: Area, tick_distance: float) -> None:
     """
-    Set the range of a map, and give the map a square grid.
+    Set the area that a map shows, and use the same distance between grid lines in x and y.
 
-    :param tick_distance: the smallest distance between the lines of the grid [m]
+    :param axes: the axes of the map
+    :param area: the area to show [m]
+    :param tick_distance: the smallest allowed distance between two grid lines [m]; it is rounded
+        up to 1, 2 or 5 times a power of ten
     """
     from matplotlib.ticker import MultipleLocator
 
@@ -129,11 +133,13 @@ def set_map_limits(axes: Axes, area: Area, tick_distance: float) -> None:
 
 def draw_legend(figure: Figure, left: float, ncol: int, *artists: Any) -> None:
     """
-    Draw a legend below the axes of a drive's plot.
+    Draw a legend at the lower edge of a figure.
 
-    :param left: the left edge of the legend [inch]
+    :param figure: the figure, which must have the standard width of a drive's plot
+    :param left: the distance from the left edge of the figure to the legend [inch]
     :param ncol: the number of columns of the legend
-    :param artists: the handles and the labels of the legend; by default those of all axes
+    :param artists: the handles and the labels of the legend, as for ``Figure.legend`` of
+        matplotlib; by default those of all axes
     """
     corner = (left / WIDTH, LEGEND / figure.get_figheight())
     figure.legend(*artists, loc='lower left', bbox_to_anchor=corner, ncol=ncol, frameon=False,
@@ -157,13 +163,16 @@ LABEL: dict[str, Any] = {
 
 class StepPlace(NamedTuple):
     """
-    A place on a path for the numbers of all steps whose middle is there.
+    A point on a path beside which the numbers of one or more steps are written.
+
+    A step is a part of a motion, for example a turn.  The point is the middle of the longest
+    segment of the step's path.  Steps with nearly the same middle share one point.
 
     :param numbers: the numbers of the steps, in order
-    :param x: the x coordinate [m]
-    :param y: the y coordinate [m]
-    :param side: the direction from the path to the numbers [rad]: to the outside of a curve, or to
-        the right of a straight line
+    :param x: the x coordinate of the point [m]
+    :param y: the y coordinate of the point [m]
+    :param side: the direction from the point to the numbers [rad]: to the outside of a curve, or
+        to the right of a straight line
     """
 
     numbers: list[int]
@@ -173,7 +182,11 @@ class StepPlace(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Return the step numbers as text, for example '1, 3-5'; a long list is cut."""
+        """
+        Return the step numbers as text, for example '1, 3-5'.
+
+        If the text would have more than three parts, only the first two and '...' are returned.
+        """
         parts: list[str] = []
         for _, group in groupby(enumerate(self.numbers), key=lambda item: item[1] - item[0]):
             run = [number for _, number in group]
@@ -184,10 +197,13 @@ class StepPlace(NamedTuple):
 def step_places(
         steps: Iterable[tuple[int, Sequence[ArcSegment]]], grain: float) -> list[StepPlace]:
     """
-    Return the places for step numbers; steps whose middles are close share a place.
+    Return the points on a path beside which the numbers of the steps are written.
 
-    :param steps: the number of each step and the segments of its path
-    :param grain: the approximate distance below which steps share a place [m]
+    A step is a part of a motion, for example a turn.  Its point is the middle of the longest
+    segment of its path.  Steps with nearly the same point share one point.
+
+    :param steps: for each step, its number and the segments of its path
+    :param grain: points that are closer together than about this distance become one point [m]
     """
     places: dict[tuple[int, int], StepPlace] = {}
     for number, segments in steps:
@@ -204,12 +220,15 @@ def step_places(
 def draw_step_numbers(
         axes: Axes, steps: Iterable[tuple[int, Sequence[ArcSegment]]], size: float) -> None:
     """
-    Draw step numbers beside the path; a number is left out if there is no free space.
+    Write the numbers of the steps of a motion beside their paths on a map.
 
-    :param axes: the axes; their range must be set before
-    :param steps: the number of each step and the segments of its path, the most important step
-        first
-    :param size: the size of the map [m]
+    A number is left out if there is no free space for it.  If there are many numbers, only some of
+    them are written.
+
+    :param axes: the axes of the map; the area that they show must be set before
+    :param steps: for each step, its number and the segments of its path; the steps that come first
+        get the free space first
+    :param size: the larger one of the map's width and height [m]
     """
     places = step_places(steps, size * PLACE_SIZE)
     canvas: Any = axes.figure.canvas  # a raster canvas, which can measure text
@@ -233,9 +252,15 @@ def draw_step_numbers(
 
 def draw_directions(axes: Axes, segments: Iterable[ArcSegment], grain: float, colour: str) -> None:
     """
-    Draw arrow heads in the direction of travel at the middles of segments.
+    Draw arrow heads that show the direction of travel at the middles of path segments.
 
-    :param grain: arrow heads with the same direction that are closer than this are drawn once [m]
+    At most 16 arrow heads are drawn.  A segment in which the robot turns in place has none.
+
+    :param axes: the axes of a map
+    :param segments: the parts of the path with constant curvature
+    :param grain: two arrow heads with the same direction that are closer than about this distance
+        are drawn as one [m]
+    :param colour: the colour of the arrow heads
     """
     middles = (segment.middle for segment in segments if segment.distance)
     draw_arrows(axes, distinct(middles, grain, MAX_MARKS), colour)
@@ -243,9 +268,11 @@ def draw_directions(axes: Axes, segments: Iterable[ArcSegment], grain: float, co
 
 def draw_arrows(axes: Axes, poses: Sequence[Pose], colour: str) -> None:
     """
-    Draw arrow heads on a path.
+    Draw an arrow head at each of the given poses.
 
-    :param poses: the position and the direction of each arrow head
+    :param axes: the axes of a map
+    :param poses: the positions and the directions of the arrow heads
+    :param colour: the colour of the arrow heads
     """
     from matplotlib.path import Path
     from matplotlib.transforms import Affine2D
@@ -259,11 +286,14 @@ def draw_arrows(axes: Axes, poses: Sequence[Pose], colour: str) -> None:
 
 def draw_drive_path(figure: Figure, aligned: AlignedDrive, footprint: Footprint | None) -> None:
     """
-    Draw the path of a drive, and set the size of the figure.
+    Draw a map of a drive's path, and set the size of the figure.
+
+    The map shows the path as planned, as sent and from odometry.  It also shows the step numbers,
+    the direction of travel, and the robot at its start and at its end.
 
     :param figure: an empty figure
-    :param aligned: the drive
-    :param footprint: the robot's outline; None if it is not known
+    :param aligned: the plans, the sent velocities and the odometry of the drive
+    :param footprint: the robot's outline, seen from above; None if it is not known
     """
     planned = _planned(aligned)
     lines = path_lines(aligned)
@@ -285,7 +315,15 @@ def _planned(aligned: AlignedDrive) -> list[PlannedPath]:
 
 
 def path_lines(aligned: AlignedDrive) -> dict[str, list[Point]]:
-    """Return the planned path and, if known, the sent path and the odometry path [m]."""
+    """
+    Return the planned path, the sent path and the odometry path of a drive as points [m].
+
+    The sent path is the path of a robot that follows the sent velocities exactly.
+
+    :param aligned: the plans, the sent velocities and the odometry of the drive
+    :returns: the points of each path, with the keys ``planned``, ``sent`` and ``odometry``; the
+        sent path and the odometry path are missing if they are not known
+    """
     lines = {'planned': [(ORIGIN.x, ORIGIN.y)]}
     for start, steps in zip(aligned.motion_starts, _planned(aligned)):
         lines['planned'].append((start.pose.x, start.pose.y))
@@ -300,7 +338,14 @@ def path_lines(aligned: AlignedDrive) -> dict[str, list[Point]]:
 
 
 def _begun(aligned: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[list[ArcSegment]]:
-    """Yield the path of each step that started; if nothing was sent, of each planned step."""
+    """
+    Yield the planned path of each step that the robot started.
+
+    If no velocity was sent at all, yield the path of each planned step.
+
+    :param aligned: the plans and the sent velocities of the drive
+    :param planned: for each motion of the drive, the paths of its steps
+    """
     for start, steps in zip(aligned.motion_starts, planned):
         if not aligned.sent:
             yield from steps
@@ -312,7 +357,14 @@ def _begun(aligned: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[li
 
 
 def _sent_poses(aligned: AlignedDrive) -> Iterator[Pose]:
-    """Yield poses along the sent path that are close enough together to show arcs."""
+    """
+    Yield poses on the path of a robot that follows the sent velocities of a drive exactly.
+
+    Where the robot drives a curve, extra poses are added, so that lines between the poses look
+    round.
+
+    :param aligned: the sent velocities of the drive
+    """
     reckoning = aligned.dead_reckoning
     for (begin, end), (one, two) in zip(pairwise(reckoning.times), pairwise(reckoning.poses)):
         yield one

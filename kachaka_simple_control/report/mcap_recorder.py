@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Record a drive as a rosbag2 bag: an MCAP file and its metadata."""
+"""Record the messages of a drive as a rosbag2 bag, which is an MCAP file and its metadata file."""
 
 from __future__ import annotations
 
@@ -77,7 +77,10 @@ RULE = '=' * 80
 
 def definition(message_type: str) -> str:
     """
-    Return the MCAP schema of a message type: the definitions of the type and its field types.
+    Return the text that defines a ROS message type in an MCAP file.
+
+    The text has the fields of the type, and then the definitions of all message types in these
+    fields.
 
     :param message_type: the full name of the type, for example ``nav_msgs/msg/Odometry``
     """
@@ -107,15 +110,15 @@ INFINITE = (9223372036, 854775807)
 @dataclass
 class Topic:
     """
-    A topic in a recording.
+    A ROS topic in a recording, with the QoS settings of its publisher.
 
     :param name: the full name of the topic, with namespace and remapping applied
     :param message_type: the full name of the message type
     :param depth: the history depth of the publisher
-    :param reliability: the number of the publisher's reliability policy
-    :param durability: the number of the publisher's durability policy
-    :param channel: the id of the topic's channel in the file
-    :param count: the number of messages of the topic in the file
+    :param reliability: the publisher's reliability policy, as the number that rosbag2 stores
+    :param durability: the publisher's durability policy, as the number that rosbag2 stores
+    :param channel: the id of the topic in the MCAP file
+    :param count: the number of messages of the topic that were written to the file
     """
 
     name: str
@@ -128,7 +131,7 @@ class Topic:
 
     @property
     def qualities(self) -> str:
-        """Return the QoS profile that the publisher of the topic offers, as YAML."""
+        """Return the QoS profile of the topic's publisher as YAML, as rosbag2 stores it."""
         lines = [
             f'history: {KEEP_LAST}', f'depth: {self.depth}', f'reliability: {self.reliability}',
             f'durability: {self.durability}', *_duration('deadline'), *_duration('lifespan'),
@@ -138,7 +141,7 @@ class Topic:
 
     @property
     def lines(self) -> list[str]:
-        """Return the lines about the topic in the rosbag2 metadata, as YAML."""
+        """Return the entry of the topic in the rosbag2 metadata, as lines of YAML."""
         # A JSON string is a valid YAML string.
         return ['  - topic_metadata:',
                 f'      name: {json.dumps(self.name)}',
@@ -154,10 +157,11 @@ def _duration(name: str) -> list[str]:
 
 def stamp(epoch: float, time: float) -> int:
     """
-    Return a time of the steady clock as nanoseconds since 1970.
+    Convert a time of the steady clock to nanoseconds since 1970.
 
-    The two values are rounded separately, because a sum of floats would lose digits.  The
-    difference of two stamps equals the difference of their times, rounded to nanoseconds.
+    The two arguments are rounded separately, because a sum of floats would lose digits.  With the
+    same epoch, the difference of two results equals the difference of the two times, rounded to
+    nanoseconds.
 
     :param epoch: the date and time at which the steady clock is zero [s since 1970]
     :param time: the time [s on the steady clock]
@@ -166,7 +170,7 @@ def stamp(epoch: float, time: float) -> int:
 
 
 class _Message(NamedTuple):
-    """A serialized message with its stamp [ns since 1970]."""
+    """A serialized ROS message, with its topic and its time stamp [ns since 1970]."""
 
     stamp: int
     topic: Topic
@@ -175,11 +179,15 @@ class _Message(NamedTuple):
 
 class McapRecorder:
     """
-    Records events in ``run.mcap``, sorted by their stamps, and writes the rosbag2 metadata.
+    Records the events of a drive as ROS messages in the file ``run.mcap``.
 
-    The file is created when the session starts.  It is readable after each flush.  The index is
-    written at the end.  An error ends the recording, but is not raised; ``failure`` then has the
-    reason.
+    An event is, for example, a velocity that was sent, or an odometry sample that was received.
+    The file is created at the first event, ``SessionStarted``.  After each flush, the file is
+    readable and complete except for its index.  The method ``finish`` writes the index and the
+    rosbag2 metadata.
+
+    If an error occurs, the recording ends, but the error is not raised.  The attribute ``failure``
+    then has the reason.
 
     :param directory: the directory of ``run.mcap`` and ``metadata.yaml``
     """
@@ -203,7 +211,12 @@ class McapRecorder:
             f'{FILE_NAME} is left out: {NEEDS_MCAP}')
 
     def on_event(self, event: Event) -> None:
-        """Record an event in memory; ``flush`` writes it to the file."""
+        """
+        Add an event of the drive to the recording.
+
+        The first event, ``SessionStarted``, creates the file.  Later events stay in memory as ROS
+        messages until ``flush`` writes them to the file.
+        """
         if isinstance(event, SessionStarted):
             self._attempt(lambda: self._start(event))
         elif self._file is not None:
@@ -211,17 +224,18 @@ class McapRecorder:
 
     def flush(self, until: float) -> None:
         """
-        Write the events up to a time to the file.
+        Write all recorded messages up to a given time to the file, sorted by time.
 
-        :param until: the time [s on the steady clock]; a later flush writes the later events,
-            because they may still arrive in the wrong order
+        Later messages stay in memory, because an event with an earlier time may still arrive.
+
+        :param until: the given time [s on the steady clock]
         """
         if self._file is not None:
             self._attempt(lambda: self._store(self._stamp(until)))
 
     def finish(self) -> str | None:
         """
-        Write the remaining events, the index and ``metadata.yaml``.
+        End the recording: write the remaining messages, the index and ``metadata.yaml``.
 
         :returns: the reason why the recording is missing or incomplete, as a sentence; None if it
             is complete
@@ -337,7 +351,13 @@ class McapRecorder:
         self._is_finished = True
 
     def _write_metadata(self) -> None:
-        """Write ``metadata.yaml``; but not if the recording has no message and is not finished."""
+        """
+        Write ``metadata.yaml``, the rosbag2 metadata of the recording.
+
+        Write nothing if the recording failed before its first message was written.
+
+        :raises OSError: if the file cannot be written
+        """
         if not self._span and not self._is_finished:
             return
         file = self._path.with_name('metadata.yaml')
@@ -349,7 +369,7 @@ class McapRecorder:
             raise
 
     def _information(self) -> str:
-        """Return the rosbag2 metadata of the recording, as YAML."""
+        """Return the rosbag2 metadata of the recording, such as topics and duration, as YAML."""
         first, last = self._span or (0, 0)
         topics, name = self._topics.values(), self._path.name
         span = ['duration:', f'  nanoseconds: {last - first}',

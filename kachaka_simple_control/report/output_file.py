@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Output files: safe writes, checks of plot files, and the directory of a report."""
+"""Write files safely, check the path of a plot, and create the directory of a report."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 
 def write_atomically(path: Path, data: bytes) -> None:
     """
-    Write a file atomically: a reader sees the old or the new content, and never a part of it.
+    Write a file so that a reader sees either its old or its new content, and never a part of it.
 
-    :param path: the file
+    :param path: the path of the file
     :param data: the new content
-    :raises OSError: if the file cannot be written; the old file stays unchanged
+    :raises OSError: if the file cannot be written; an old file of this name is unchanged
     """
     new = path.with_name(f'.{path.name}.new')
     try:
@@ -50,13 +50,14 @@ def write_atomically(path: Path, data: bytes) -> None:
 
 class CrashSafeFile:
     """
-    A file for an MCAP writer that is complete after each flush.
+    A file for an MCAP writer that stays readable if the program is killed.
 
-    Each flush writes an end record after the data, and the next flush overwrites it.  If the
-    program is killed, the file is readable up to the last flush.
+    Each flush writes the new data, and after them an end record, which makes the file complete.
+    The next flush writes its data over this end record.  So after a crash the file can be read up
+    to the last flush.
 
-    :param path: the file; it must not exist
-    :param end: the end record, which completes the file after the data
+    :param path: the path of the file; the file must not exist
+    :param end: the content of the end record
     :raises OSError: if the file cannot be created
     """
 
@@ -68,29 +69,36 @@ class CrashSafeFile:
         self._size = 0
 
     def write(self, data: bytes) -> int:
-        """Keep data in memory until the next flush, and return the number of bytes."""
+        """
+        Keep data in memory; the next ``flush`` writes them to the file.
+
+        :param data: the data
+        :returns: the size of the data [bytes]
+        """
         self._pending += data
         return len(data)
 
     def tell(self) -> int:
-        """Return the offset of the next data in the file."""
+        """Return the position in the file at which the next ``write`` stores its data [bytes]."""
         return self._size + len(self._pending)
 
     def flush(self) -> None:
         """
-        Write the data in memory and the end record to the file.
+        Write the data that are kept in memory to the file, followed by an end record.
 
-        :raises OSError: if the write fails; the file then keeps its old content
+        The end record makes the file complete and readable.
+
+        :raises OSError: if writing fails; the file then has the same content as before
         """
         self._store(self._end)
 
     def close(self) -> None:
         """
-        Write the data in memory, and close the file.
+        Write the data that are kept in memory to the file, and close the file.
 
-        No end record is added; the caller must have written it.
+        This method adds no end record.  The caller must already have written one with ``write``.
 
-        :raises OSError: if the write fails; the file then keeps its old content
+        :raises OSError: if writing fails; the file is closed, and has the same content as before
         """
         try:
             self._store(b'')
@@ -98,7 +106,7 @@ class CrashSafeFile:
             self.abandon()
 
     def abandon(self) -> None:
-        """Close the file without another write."""
+        """Close the file, and discard the data that are kept in memory."""
         with contextlib.suppress(OSError):
             os.close(self._descriptor)
 
@@ -124,9 +132,12 @@ class CrashSafeFile:
 
 def check_plot_file(file: str | os.PathLike[str]) -> Path:
     """
-    Check that a plot can be saved to a file, without importing matplotlib.
+    Check the path of an image file, so that an error is found before the plot is drawn.
 
-    :returns: the path of the file
+    The function does not import matplotlib.
+
+    :param file: the path of the file
+    :returns: the same path as an object of the class ``Path``
     :raises UsageError: if the suffix is not .png, .svg or .pdf, or the file cannot be written
     """
     path = Path(file)
@@ -144,9 +155,11 @@ def check_plot_file(file: str | os.PathLike[str]) -> Path:
 
 def save_figure(figure: Figure, path: Path) -> None:
     """
-    Save a figure; the suffix of the file selects the format.
+    Save a matplotlib figure as an image file.
 
-    :param path: the path of the file, returned by ``check_plot_file``
+    :param figure: the figure
+    :param path: the path of the file, as checked by ``check_plot_file``; the suffix of the file
+        selects the image format
     :raises UsageError: if the file cannot be written
     """
     data = file_of(figure, path.suffix.lower())
@@ -163,7 +176,14 @@ NEEDS_MCAP = "it needs mcap 1.5 or newer: pip install 'mcap>=1.5'"
 
 
 def missing_libraries() -> list[str]:
-    """Return a sentence for each file that is left out because its library is missing."""
+    """
+    Return a sentence for each file of a report that needs a library which is not installed.
+
+    The file ``report.html`` needs Jinja2, and ``run.mcap`` needs mcap.  Without its library, a
+    file is left out of the report.
+
+    :returns: the sentences, which also say how to install the library; empty if nothing is missing
+    """
     needs = {'jinja2': f'report.html is left out: {NEEDS_JINJA2}',
              'mcap': f'run.mcap is left out: {NEEDS_MCAP}'}
     return [text for name, text in needs.items() if importlib.util.find_spec(name) is None]
@@ -172,12 +192,13 @@ def missing_libraries() -> list[str]:
 @contextlib.contextmanager
 def prepare_report_dir(name: str) -> Iterator[None]:
     """
-    Create a directory for a report, and remove it after certain errors in the ``with`` block.
+    Create the directory of a report, and run the ``with`` block.
 
-    These errors are ``UsageError`` and ``InvalidMotionError``.  A directory that existed before is
-    not removed.
+    If the block raises ``UsageError`` or ``InvalidMotionError``, the directories that this
+    function has created are removed if they are empty.  A directory that existed before is not
+    removed.
 
-    :param name: the directory; it may exist if it is empty
+    :param name: the path of the directory; an existing directory must be empty
     :raises UsageError: if the directory cannot be created or written to, or is not empty
     """
     created = _create(Path(name))
@@ -191,7 +212,13 @@ def prepare_report_dir(name: str) -> Iterator[None]:
 
 
 def _create(directory: Path) -> list[Path]:
-    """Create a directory and its parents; return the created ones, the directory itself first."""
+    """
+    Create a directory and its missing parents, and check that the directory is empty and writable.
+
+    :returns: the directories that were created: the directory itself first, then its parents; the
+        list is empty if the directory existed before
+    :raises UsageError: if the directory cannot be created or written to, or is not empty
+    """
     try:
         missing = [path for path in (directory, *directory.parents) if not path.exists()]
         directory.mkdir(parents=True, exist_ok=True)

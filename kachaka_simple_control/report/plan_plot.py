@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Plots of the paths and the velocities of plans."""
+"""Plot the planned paths and the planned velocities of motions."""
 
 from __future__ import annotations
 
@@ -75,11 +75,14 @@ TURN = 0.7
 
 def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     """
-    Draw the path of a plan, its step numbers, the robot after each step, and the floor area.
+    Draw a map of a planned path.
 
-    :param axes: the axes to draw on
-    :param view: the plan
-    :param area: the range of the axes, with the same ratio of width to height as the axes
+    The map also shows the step numbers, the robot after each step, and the floor area that the
+    motion needs.
+
+    :param axes: the axes of the map
+    :param view: the plan, with the robot's outline
+    :param area: the area to show [m]; its ratio of width to height must be the ratio of the axes
     """
     from matplotlib.patches import Rectangle
 
@@ -103,7 +106,15 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
 
 
 def _turns(segments: Sequence[ArcSegment]) -> list[ArcSegment]:
-    """Return the turns in place without duplicates; empty if there are too many to draw."""
+    """
+    Return the segments of a path in which the robot turns in place.
+
+    If several of them have the same place, the same start heading and the same angle, only the
+    first one is returned.
+
+    :param segments: all segments of a planned path
+    :returns: the turns; an empty list if there are more than MAX_TURNS, which are too many to draw
+    """
     kinds: dict[tuple[float, ...], ArcSegment] = {}
     for segment in segments:
         if segment.angle and not segment.distance:
@@ -177,15 +188,16 @@ NAME_TOP, FIGURES_TOP = 0.17, 0.42
 
 def save_plot(file: str | os.PathLike[str], views: Sequence[PlanView]) -> None:
     """
-    Plot plans, one below the other and with the same scales, and save the plot.
+    Plot the planned paths and velocities of motions, and save the plot as an image file.
 
-    The left side shows each path, with the robot at the start and at the end of each step.  The
-    right side shows the sent velocities, with the limits dashed.
+    Each motion has one row of the plot.  All rows have the same scales.  On the left is the path,
+    with the robot at the start and at the end of each step.  On the right are the velocities that
+    will be sent, with dashed lines for the limits.
 
-    :param file: the file; its suffix selects the format: .png, .svg or .pdf
-    :param views: the plans, 1 to 12
-    :raises UsageError: if the file cannot be written, matplotlib is missing, or there are too
-        many plans
+    :param file: the path of the file; its suffix selects the image format: .png, .svg or .pdf
+    :param views: the plans of 1 to 12 motions
+    :raises UsageError: if the file cannot be written, matplotlib is missing, or there are too many
+        plans
     """
     path = check_plot_file(file)
     save_figure(draw_plans(views), path)
@@ -193,9 +205,12 @@ def save_plot(file: str | os.PathLike[str], views: Sequence[PlanView]) -> None:
 
 def draw_plans(views: Sequence[PlanView]) -> Figure:
     """
-    Return a plot of plans, one below the other and with the same scales.
+    Plot the planned paths and velocities of motions, one motion below the other.
 
-    :param views: the plans, 1 to 12
+    All motions are drawn with the same scales.
+
+    :param views: the plans of 1 to 12 motions
+    :returns: the plot as a matplotlib figure
     :raises UsageError: if matplotlib is missing, or there are too many plans
     """
     if not 1 <= len(views) <= MAX_MOTIONS:

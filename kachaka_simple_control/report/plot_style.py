@@ -42,11 +42,12 @@ StepPoint = tuple[float, float]
 
 def velocity_steps(plan: Plan, attribute: str) -> list[StepPoint]:
     """
-    Return the times at which a velocity component changes, and its new values.
+    Return the times at which a component of the planned velocity changes, and its new values.
 
-    :param plan: the plan
-    :param attribute: the velocity component, ``linear_x`` or ``angular_z``
-    :returns: times [s] and values [m/s or rad/s], in order; the last value is 0, at the end
+    :param plan: the plan of a motion
+    :param attribute: the name of the velocity component: ``linear_x`` or ``angular_z``
+    :returns: pairs of a time [s] and a new value [m/s or rad/s], in order; the last pair is the
+        end of the plan and the value 0
     """
     value_of = attrgetter(attribute)
     changes = groupby(plan.segments, key=lambda segment: value_of(segment.velocity))
@@ -56,7 +57,9 @@ def velocity_steps(plan: Plan, attribute: str) -> list[StepPoint]:
 
 class Band(NamedTuple):
     """
-    The lowest and the highest value in a time interval.
+    The lowest and the highest value of a plotted line in one time interval.
+
+    A line with very many points is drawn as a row of such bands.
 
     :param begin: the start of the interval [s]
     :param lowest: the lowest value
@@ -70,12 +73,15 @@ class Band(NamedTuple):
 
 def min_max_decimate(points: Sequence[StepPoint], end: float, count: int) -> list[Band]:
     """
-    Return the lowest and the highest value in each of several equal time intervals.
+    Reduce a line over time to its lowest and its highest value in each of some time intervals.
 
-    :param points: times [s] and values, in order; each value is valid until the next time
-    :param end: the end of the last interval [s]; the first interval starts at 0
+    All intervals have the same length.  The first one starts at 0.
+
+    :param points: the line as pairs of a time [s] and a value, in order of time; each value is
+        valid until the time of the next pair
+    :param end: the end of the last interval [s]
     :param count: the number of intervals
-    :returns: a band for each interval up to the last point
+    :returns: the lowest and the highest value for each interval from the first to the last point
     """
     bands = []
     held: list[float] = []
@@ -93,7 +99,11 @@ def min_max_decimate(points: Sequence[StepPoint], end: float, count: int) -> lis
 
 
 class Colour:
-    """Colours, most of them from the palette of Okabe and Ito for colour-blind people."""
+    """
+    The colours of all plots.
+
+    Most of them are from the palette of Okabe and Ito, which colour-blind people can distinguish.
+    """
 
     BLUE, ORANGE, GREEN = '#0072B2', '#D55E00', '#009E73'
     SKY, PURPLE = '#56B4E9', '#CC79A7'
@@ -121,15 +131,18 @@ LABEL = 0.56
 def add_axes(figure: Figure, left: float, bottom: float, width: float, height: float,
              aligns_label: bool = True) -> Axes:
     """
-    Add axes with a grid to a figure, without a frame at the top and at the right.
+    Add axes with a grid to a figure.
+
+    The frame around the axes has only its left and its lower line.
 
     :param figure: the figure; its size must be set before
-    :param left: the left edge [inch]
-    :param bottom: the lower edge [inch]
-    :param width: the width [inch]
-    :param height: the height [inch]
-    :param aligns_label: whether the y label is aligned with those of other axes; otherwise
-        matplotlib chooses its place
+    :param left: the distance from the left edge of the figure [inch]
+    :param bottom: the distance from the lower edge of the figure [inch]
+    :param width: the width of the axes [inch]
+    :param height: the height of the axes [inch]
+    :param aligns_label: whether the label of the y axis has a fixed distance from the axis, so
+        that the labels of several plots are aligned; if False, matplotlib chooses the distance
+    :returns: the axes
     """
     total_width, total_height = figure.get_size_inches()
     axes = figure.add_axes((
@@ -143,17 +156,24 @@ def add_axes(figure: Figure, left: float, bottom: float, width: float, height: f
 
 
 def draw_line(axes: Axes, points: Sequence[tuple[float, float]], **look: Any) -> None:
-    """Draw a line through points, with the given style."""
+    """
+    Draw a line through points.
+
+    :param axes: the axes of the plot
+    :param points: the x and y coordinates of the points
+    :param look: the style of the line, such as its colour, as for ``Axes.plot`` of matplotlib
+    """
     axes.plot([x for x, _ in points], [y for _, y in points], **look)
 
 
 def round_step(size: float) -> float:
     """
-    Round the step between two ticks of an axis up to 1, 2 or 5 times a power of ten.
+    Round a distance between the ticks of an axis up to 1, 2 or 5 times a power of ten.
 
-    Both axes of a map need the same step, so it is computed once here, with a matplotlib locator.
+    Both axes of a map need the same tick distance.  This function computes it, because matplotlib
+    would choose it for each axis separately.
 
-    :param size: the smallest step, above 0
+    :param size: the smallest allowed tick distance, above 0
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -166,9 +186,10 @@ def round_step(size: float) -> float:
 @contextmanager
 def default_style(svg_fonttype: str = 'path') -> Iterator[None]:
     """
-    Use matplotlib's default style in this context, and ignore the user's own settings.
+    Use the default style of matplotlib in a ``with`` block, and ignore the user's own settings.
 
-    :param svg_fonttype: how an SVG file stores text: ``path`` for outlines, ``none`` for text
+    :param svg_fonttype: how an SVG file stores text: ``path`` for the outlines of the letters,
+        ``none`` for characters
     :raises UsageError: if matplotlib is missing
     """
     try:
@@ -188,10 +209,13 @@ def default_style(svg_fonttype: str = 'path') -> Iterator[None]:
 
 def draw_figure(draw: Callable[[Figure], None], resolution: float | None = None) -> Figure:
     """
-    Return a figure in the default style, with a raster canvas, which can measure text.
+    Create a figure in the default style of matplotlib, and draw on it.
+
+    The figure has an Agg canvas, so that the drawing function can measure the size of text.
 
     :param draw: a function that draws on the empty figure, and sets its size
     :param resolution: the resolution [pixels per inch]; None for the default of matplotlib
+    :returns: the figure
     :raises UsageError: if matplotlib is missing
     """
     with default_style():
@@ -212,11 +236,14 @@ METADATA = {'.png': ('Software',), '.svg': ('Date', 'Creator'),
 def file_of(figure: Figure, suffix: str, resolution: float | None = None,
             svg_fonttype: str = 'path') -> bytes:
     """
-    Return a figure as the content of a file.
+    Convert a figure to the content of an image file.
 
-    :param suffix: the suffix of the file, which selects the format: .png, .svg or .pdf
-    :param resolution: the resolution of a PNG file [pixels per inch]; None for that of the figure
-    :param svg_fonttype: how an SVG file stores text: ``path`` for outlines, ``none`` for text
+    :param figure: the figure
+    :param suffix: the suffix of the file, which selects the image format: .png, .svg or .pdf
+    :param resolution: the resolution of a PNG file [pixels per inch]; None for the resolution of
+        the figure
+    :param svg_fonttype: how an SVG file stores text: ``path`` for the outlines of the letters,
+        ``none`` for characters
     """
     data = io.BytesIO()
     with default_style(svg_fonttype):
@@ -245,13 +272,14 @@ MINUTES_FROM = 600.0
 @dataclass(frozen=True)
 class VelocityComponent:
     """
-    A component of the velocity, linear or angular.
+    How plots show one component of the velocity: the linear or the angular one.
 
-    :param attribute: the name of the component in a ``Velocity``
+    :param attribute: the name of the component: ``linear_x`` or ``angular_z``
     :param label: the label of the axis
     :param unit: the unit of the component
     :param colour: the colour of the line
-    :param limits: a function that returns the lowest and the highest value that limits allow
+    :param limits: a function that takes the limits of a robot or motion, and returns the lowest
+        and the highest value of the component that they allow
     """
 
     attribute: str
@@ -271,11 +299,11 @@ ANGULAR = VelocityComponent(
 @dataclass(frozen=True)
 class Scale:
     """
-    The range of a plot of a value over time.
+    The range of the values and the range of time that a plot over time shows.
 
-    :param lowest: the lowest value on the axis, in the unit of the plotted values
-    :param highest: the highest value on the axis, in the same unit
-    :param duration: the longest time on the axis [s]
+    :param lowest: the lower end of the value axis, in the unit of the values
+    :param highest: the upper end of the value axis, in the unit of the values
+    :param duration: the end of the time axis [s]; the axis starts at 0
     """
 
     lowest: float
@@ -286,12 +314,15 @@ class Scale:
 def scale_for(component: VelocityComponent, values: Sequence[float], limits: Sequence[Limits],
               duration: float) -> Scale:
     """
-    Return a scale that shows values over a time, and the limits that are not far from the values.
+    Choose the range of values and the range of time for a plot of a velocity component.
+
+    The range includes all values.  It includes a limit only if the limit is at most
+    MAX_LIMIT_RATIO times the largest value, because a far limit would make the curve flat.
 
     :param component: the velocity component
     :param values: the values to show
-    :param limits: the limits to show, if they are at most MAX_LIMIT_RATIO times the largest value
-    :param duration: the longest time to show [s]
+    :param limits: the limits of one or more motions or robots
+    :param duration: the time that the plot must show [s]
     """
     lowest, highest = min(values), max(values)
     largest = max(highest, -lowest)
@@ -309,12 +340,27 @@ def scale_for(component: VelocityComponent, values: Sequence[float], limits: Seq
 
 
 def time_unit(duration: float) -> tuple[str, float]:
-    """Return the name and the length [s] of the unit of time for an axis of a duration [s]."""
+    """
+    Choose the unit of a time axis: minutes if the axis is longer than 600 s, otherwise seconds.
+
+    :param duration: the length of the axis [s]
+    :returns: the name of the unit, and the number of seconds in one unit
+    """
     return ('min', 60.0) if duration > MINUTES_FROM else ('s', 1.0)
 
 
 def draw_velocity(axes: Axes, view: PlanView, component: VelocityComponent, scale: Scale) -> None:
-    """Draw one velocity component of a plan over time, with its limits and the ends of steps."""
+    """
+    Draw one component of the planned velocity over time.
+
+    The plot also shows the limits of the component, and the times at which steps of the motion
+    end.
+
+    :param axes: the axes of the plot
+    :param view: the plan, with its limits
+    :param component: the velocity component
+    :param scale: the range of values and the range of time that the plot shows
+    """
     seconds = time_unit(scale.duration)[1]
     set_time_limits(axes, scale, component.label, [step.end for step in view.plan.steps])
     points = velocity_steps(view.plan, component.attribute)
@@ -326,9 +372,13 @@ def draw_velocity(axes: Axes, view: PlanView, component: VelocityComponent, scal
 
 def set_time_limits(axes: Axes, scale: Scale, label: str, ends: Sequence[float]) -> None:
     """
-    Set the range of a plot over time, and draw lines at zero and at the end of each step.
+    Set the ranges of a plot over time, and draw lines at value zero and at the ends of steps.
 
-    :param ends: the times at which steps end [s]; if there are more than 60, none is drawn
+    :param axes: the axes of the plot
+    :param scale: the range of values and the range of time that the plot shows
+    :param label: the label of the value axis
+    :param ends: the times at which steps of a motion end [s]; if there are more than 60, no lines
+        are drawn at these times
     """
     unit = time_unit(scale.duration)[1]
     right = scale.duration / unit
@@ -341,7 +391,16 @@ def set_time_limits(axes: Axes, scale: Scale, label: str, ends: Sequence[float])
 
 
 def draw_limits(axes: Axes, component: VelocityComponent, limits: Limits) -> None:
-    """Draw limits as dashed lines with their values; the range of the axes must be set before."""
+    """
+    Draw the limits of a velocity component as dashed lines, with their values as text.
+
+    If no limit is inside the range of the plot, no line is drawn, and a text gives the upper limit
+    if it is finite.
+
+    :param axes: the axes of the plot; the range of values must be set before
+    :param component: the velocity component
+    :param limits: the limits of a robot or motion
+    """
     bottom, top = axes.get_ylim()
     below, above = component.limits(limits)
     near = [(limit, side, offset) for limit, side, offset in (

@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The program that records a drive and writes its report, in its own process."""
+"""
+The program that records a drive, which is one run of the robot, and writes its report.
+
+The program runs in its own process.  The driving program sends it the events of the drive over a
+pipe.
+"""
 
 from __future__ import annotations
 
@@ -58,17 +63,19 @@ GUARDIAN_STOP_TIMEOUT = 1.0
 
 def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
     """
-    Write ``report.html``, ``path.png`` and ``run.json``, each one atomically.
+    Write the files ``report.html``, ``path.png`` and ``run.json`` of a report.
 
-    Without matplotlib, or without a planned motion, there is no plot, and the page gives the
-    reason.  Without Jinja2 there is no page.
+    A reader sees either the old or the new content of a file, and never a part of it.  Without
+    matplotlib, or without a planned motion, there are no plots, and ``report.html`` gives the
+    reason.
 
-    :param log: the drive
+    :param log: the record of the drive, which is one run of the robot
     :param directory: an existing directory
-    :param recording: the reason why ``run.mcap`` is missing or incomplete, as a sentence; None if
-        it is complete
+    :param recording: the reason why the recording ``run.mcap`` is missing or incomplete, as a
+        sentence; None if it is complete
     :raises OSError: if the directory cannot be written to
-    :raises UsageError: if Jinja2 is missing; the other files are then written
+    :raises UsageError: if Jinja2 is missing, and ``report.html`` cannot be made; the other files
+        are written
     """
     # An hour of driving makes half a million objects, all in use.  Collecting garbage among them
     # would take a fifth of the time.
@@ -90,7 +97,12 @@ def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
 
 
 def _plots(summary: Summary) -> tuple[DrivePlots, str | None]:
-    """Return the plots, and the reason why they cannot be drawn; None if they are drawn."""
+    """
+    Draw the plots of a drive, and catch all errors.
+
+    :param summary: the results of the drive
+    :returns: the plots and None; after an error, no plots and a sentence with the reason
+    """
     try:
         return draw_drive_plots(summary), None
     except UsageError as error:
@@ -102,10 +114,13 @@ def _plots(summary: Summary) -> tuple[DrivePlots, str | None]:
 
 def read_events(stream: BinaryIO) -> Iterator[Event | None]:
     """
-    Yield events as they arrive, and None after each FLUSH_PERIOD without an event.
+    Yield the events that the driving program writes to a pipe, until the pipe is closed.
 
-    A thread reads the pipe while the caller processes an event, because the driving program
-    stops sending events when the pipe is full.
+    After each FLUSH_PERIOD without an event, yield None, so that the caller can do regular work.
+    A background thread always reads the pipe, even while the caller is busy.  Otherwise the pipe
+    might become full, and then the driving program would send no more events.
+
+    :param stream: the reading end of the pipe
     """
     queue: SimpleQueue[Event | None] = SimpleQueue()
 
@@ -129,7 +144,11 @@ def read_events(stream: BinaryIO) -> Iterator[Event | None]:
 
 
 class EventHandlers:
-    """Calls handlers with events; a handler that fails is removed, and the others are kept."""
+    """
+    Passes each event to several functions, called handlers.
+
+    A handler that raises an error receives no more events.  The other handlers still receive them.
+    """
 
     def __init__(self, *handlers: Callable[[Event], None]) -> None:
         self._handlers = [*handlers]
@@ -137,7 +156,7 @@ class EventHandlers:
         self.failures: list[Exception] = []
 
     def on_event(self, event: Event) -> None:
-        """Call the handlers with an event."""
+        """Call each handler with an event, and remove a handler that raises an error."""
         for handler in [*self._handlers]:
             try:
                 handler(event)
@@ -147,7 +166,13 @@ class EventHandlers:
 
 
 def record_events(stream: BinaryIO, handlers: EventHandlers, recorder: McapRecorder) -> None:
-    """Handle all events of a stream, and flush the recorder every FLUSH_PERIOD."""
+    """
+    Pass all events of a drive to handlers, and regularly write the recording to its file.
+
+    :param stream: the reading end of the pipe from which the events are read
+    :param handlers: the functions that receive each event
+    :param recorder: the recording, whose new messages are written to its file every FLUSH_PERIOD
+    """
     due = time.monotonic() + FLUSH_PERIOD
     for event in read_events(stream):
         if event is not None:
@@ -160,12 +185,14 @@ def record_events(stream: BinaryIO, handlers: EventHandlers, recorder: McapRecor
 
 def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> str | None:
     """
-    Write the report, and return the reason if a part of it cannot be written.
+    Write the report of a drive; after an error, return the reason instead of raising the error.
 
-    :param log: the drive
+    :param log: the record of the drive
     :param directory: an existing directory
-    :param recording: the reason why the recording is missing or incomplete; None if it is complete
-    :returns: the reason why the report or its page is missing; None if both are written
+    :param recording: the reason why the recording ``run.mcap`` is missing or incomplete; None if
+        it is complete
+    :returns: the reason why the report, or only its HTML page, is missing; None if the report with
+        its page was written
     """
     if log.session_started is None:
         return 'there is none: the program ended before anything began'
@@ -181,13 +208,15 @@ def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> s
 
 def guardian_stop(file: int, slot: int) -> VelocitySent | None:
     """
-    Wait for the guardian to stop the robot, and return its first zero velocity.
+    Wait until the guardian has stopped the robot, and return the first zero velocity that it sent.
 
-    The guardian is a process that stops the robot if the driving program was killed.
+    The guardian is a separate process that stops the robot if the driving program was killed.  It
+    stores the time of its stop in memory that it shares with the driving program.
 
-    :param file: the descriptor of the memory that the driving program shared with the guardian
-    :param slot: the number of the robot's part of this memory
-    :returns: the message; None if the guardian sent none within GUARDIAN_STOP_TIMEOUT
+    :param file: the file descriptor of the shared memory
+    :param slot: the index of the part of this memory that belongs to the robot
+    :returns: the zero velocity and its time; None if the guardian did not stop the robot within
+        GUARDIAN_STOP_TIMEOUT
     """
     latch = GuardianMemory(file).slot(slot).latch
     wait_until(lambda: latch.is_set, GUARDIAN_STOP_TIMEOUT)
@@ -196,17 +225,22 @@ def guardian_stop(file: int, slot: int) -> VelocitySent | None:
 
 
 def print_line(text: str) -> None:
-    """Print a line to standard error, and ignore a closed standard error."""
+    """Print a line to standard error; do nothing if standard error is closed."""
     with contextlib.suppress(OSError):
         print(f'report: {escaped(text, MAX_LINE_LENGTH)}', file=sys.stderr, flush=True)
 
 
 def main() -> int:
     """
-    Record events from standard input until its end, and write the report.
+    Record the events from standard input until its end, and then write the report of the drive.
 
-    :returns: the exit code: 1 if a file could not be written, else 0; a file that is left out
-        because an optional library is missing does not count
+    The first command line argument is the directory of the report.  Two more arguments are
+    optional: the file descriptor of the memory that is shared with the guardian, and the index of
+    the robot in this memory.  The guardian is a process that stops the robot if the driving
+    program was killed.
+
+    :returns: the exit code: 0 if all files were written, otherwise 1; it is also 0 if a file is
+        missing only because an optional library is not installed
     """
     make_nonblocking(STDERR)
     lower_priority()

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The text tables of plans and drives, and their layout."""
+"""Text tables of planned motions and of drives."""
 
 from __future__ import annotations
 
@@ -44,12 +44,13 @@ Row = tuple[str, ...]
 
 class Column(NamedTuple):
     """
-    A column of a table.
+    The heading of a column in a text table.
 
     :param name: the name of the column
-    :param unit: the unit of the cells; empty if the cells have no unit or contain it
-    :param spare: 0 for a column that is never left out; if the table is too wide, other columns
-        are left out in the order of this number, the smallest first
+    :param unit: the unit of the cells; empty if they have no unit, or if each cell contains its
+        unit
+    :param spare: 0 if the column must always be shown; in a table that is too wide, the columns
+        with other numbers are left out one after the other, the smallest number first
     """
 
     name: str
@@ -58,7 +59,7 @@ class Column(NamedTuple):
 
 
 def terminal_columns() -> int | None:
-    """Return the width of the terminal [columns]; None if stdout is not a terminal."""
+    """Return the width of the terminal in characters; None if stdout is not a terminal."""
     try:
         return os.get_terminal_size(STDOUT).columns or None
     except OSError:
@@ -68,17 +69,18 @@ def terminal_columns() -> int | None:
 def columns(head: Sequence[Column], rows: Sequence[Row], widest: int = WIDEST,
             totals: int = 0) -> list[str]:
     """
-    Return a table as lines of text, without empty columns.
+    Return a table as lines of text; a column with only empty cells is left out.
 
-    Text is left-aligned.  Numbers, and all cells of a column with a unit, are right-aligned.  If
-    the table is too wide, columns with a ``spare`` number are left out first.  Then the widest
-    columns are cut.
+    Text is left-aligned.  Numbers, and all cells of a column with a unit, are right-aligned.
+    While the table is too wide, columns whose ``spare`` is not 0 are left out one after the other.
+    If it is still too wide, the text in the widest columns is cut.
 
-    :param head: the columns
+    :param head: the headings of the columns
     :param rows: the rows, with one cell per column
-    :param widest: the largest width of the table [columns]
-    :param totals: the number of rows at the end that a line separates from the others
-    :returns: lines of text: the names, the units if there are any, a horizontal line, the rows
+    :param widest: the largest allowed width of the table [characters]
+    :param totals: the number of rows at the end, such as sums, that a horizontal line separates
+        from the rows above
+    :returns: the lines: the names, the units if there are any, a horizontal line, and the rows
     """
     names, units, spares = zip(*head)
     cells = [names, *([units] if any(units) else []), *rows]
@@ -111,11 +113,12 @@ def _aligned(text: str, width: int, right: bool) -> str:
 
 class Gap(NamedTuple):
     """
-    Steps that a table leaves out.
+    Consecutive steps of a motion that a table does not show.
 
-    :param before: the index of the last step before the gap
-    :param after: the index of the first step after the gap
-    :param again: whether each left-out step repeats a step that is shown above
+    :param before: the index of the last step that is shown before the gap
+    :param after: the index of the first step that is shown after the gap
+    :param again: whether each step in the gap is a repetition of a step that is shown above the
+        gap
     """
 
     before: int
@@ -128,21 +131,28 @@ class Gap(NamedTuple):
         return pluralize(self.after - self.before - 1, 'step')
 
     def describe(self, start: str, end: str) -> str:
-        """Return the number of steps in the gap, and its start and end time [s], as text."""
+        """
+        Return a text about the gap: the number of its steps, and the times of its start and end.
+
+        The text also says whether the steps are repetitions of steps that are shown above.
+
+        :param start: the start time of the gap [s], as text
+        :param end: the end time of the gap [s], as text
+        """
         again = ', as above' if self.again else ''
         return f'{self.size}, from {start} s to {end} s{again}'
 
 
 def fold(keys: Sequence[Hashable], most: int) -> list[int | Gap]:
     """
-    Choose the steps that a table shows.
+    Choose which steps of a motion a table shows, so that the table is not too long.
 
-    If there are too many steps, only the first and the last repeat of each step are shown.  If the
-    table is still too long, its middle is left out.
+    If there are more steps than lines, only the first and the last repetition of each step are
+    shown.  If the table is still too long, its middle is left out.
 
-    :param keys: a key for each step; repeats of a step have equal keys
+    :param keys: a key for each step; repetitions of the same step have equal keys
     :param most: the largest number of lines of the table
-    :returns: the indices of the shown steps, and the gaps between them
+    :returns: in order, the index of each shown step, and a ``Gap`` wherever steps are left out
     """
     kept = _kept(keys, most)
     entries: list[int | Gap] = []
@@ -156,7 +166,12 @@ def fold(keys: Sequence[Hashable], most: int) -> list[int | Gap]:
 
 
 def repeat_labels(keys: Sequence[Hashable]) -> list[str]:
-    """Return the repeat label of each step, for example '1 of 4'; empty if it is not repeated."""
+    """
+    Return labels that number the repetitions of each step, for example '1 of 4'.
+
+    :param keys: a key for each step; repetitions of the same step have equal keys
+    :returns: a label for each step; empty for a step that is not repeated
+    """
     times = Counter(keys)
     so_far: Counter[Hashable] = Counter()
     labels = []
@@ -218,10 +233,15 @@ VELOCITIES = '  Velocities: the largest sent, either way.'
 
 def plan_table(views: Sequence[PlanView], widest: int | None = None) -> str:
     """
-    Return tables of plans: the steps of each plan, if there is room, and the totals.
+    Return text tables of the plans of one or more motions.
 
-    :param widest: the width of the terminal [columns]; None if there is no terminal
-    :returns: lines of text, up to 99 columns wide; about 60 lines, more for many motions
+    For one plan, there is a table of its steps and totals.  For several plans, there is a table of
+    the steps of each plan, if there is room, and a table that compares the totals of all plans.
+
+    :param views: the plans
+    :param widest: the width of the terminal [characters]; None if there is no terminal
+    :returns: the tables as text, up to 99 characters wide and about 60 lines long; with many
+        motions there are more lines
     """
     widest = min(widest or WIDEST, WIDEST)
     if len(views) == 1:
@@ -287,9 +307,14 @@ def _sending(view: PlanView) -> list[str]:
 
 def _bounds(limits: Limits, units: Mapping[str, str]) -> str:
     """
-    Return limits as text.
+    Return the limits of velocities, accelerations and jerks as text.
 
-    Infinite limits are left out.  So is, for example, a deceleration equal to the acceleration.
+    An infinite limit is left out.  A deceleration is left out if it equals the acceleration.  A
+    backward velocity is left out if it equals the forward velocity.
+
+    :param limits: the limits
+    :param units: the names of the limits to show, and the unit of each
+    :returns: the limits with their units, or the text ``none``
     """
     bounds = {name: limits.bound(name) for name in units}
     known = [f'{format_number(bound)} {units[name]}' for name, bound in bounds.items()
@@ -326,13 +351,16 @@ DRIVE = (Column('movement'), Column('requested', spare=1), Column('sent', spare=
 def drive_table(
         log: DriveLog, stop_confirmed_after: float | None, widest: int | None = None) -> str:
     """
-    Return a table of a drive: each step's displacement as requested, as sent and from odometry.
+    Return a text table that shows how the robot drove each step of a drive.
 
-    :param log: the drive
-    :param stop_confirmed_after: the time between the start of the stop and standstill in odometry
-        [s]; None if odometry did not show standstill
-    :param widest: the width of the terminal [columns]; None if there is no terminal
-    :returns: lines of text; the last two show the stop and the final pose
+    A drive is one run of the robot.  For each step, the table shows three displacements: as
+    requested, as sent, and from odometry.  Below the table, the text describes the stop and the
+    final pose.
+
+    :param log: the record of the drive
+    :param stop_confirmed_after: the time from the start of the stop until odometry showed that the
+        robot stands still [s]; None if odometry did not show this
+    :param widest: the width of the terminal [characters]; None if there is no terminal
     """
     steps = log.steps
     cuts = segment_odometry(steps, log.odometry) if steps else []
