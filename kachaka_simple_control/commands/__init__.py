@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The commands, with their options, settings and questions to the user."""
+"""The command line programs, with their options, settings and questions to the user."""

@@ -12,11 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The command ``kachaka_calibrate``, which calibrates a robot and writes its profile.
+The command ``kachaka_calibrate``, which calibrates a robot and writes the robot's profile.
 
-By default it measures with odometry how the robot follows the velocities that it is sent.  With a
-tape measure it calibrates odometry itself.  For this the robot drives a straight line and a turn,
-or squares.
+The profile is a file with the topics, the limits and the calibration of the robot.  By default,
+the command measures with odometry how the robot follows velocity commands.  With a tape measure,
+it calibrates the odometry itself.  For this, the robot drives a straight line and a turn, or
+squares, and the user measures on the floor where the robot has stopped.
 """
 
 from __future__ import annotations
@@ -72,11 +73,16 @@ MARK = 'Mark where the middle between its wheels is, and which way it looks.  '
 
 def calibrate(options: CalibrateOptions) -> None:
     """
-    Calibrate the velocities of a robot with odometry, and write the robot's profile.
+    Measure with odometry how the robot follows velocity commands, and write the robot's profile.
 
-    The robot drives a calibration motion after the user has confirmed it.
+    The profile is a file with the topics, the limits and the calibration of the robot.  The robot
+    drives a calibration motion.  Before it moves, the user must confirm the drive, unless the
+    robot is simulated or ``--yes`` was given.  With ``--dry-run``, the function only prints the
+    plan of the motion.
 
+    :param options: the options of the command
     :raises CalibrationError: if the drive gives no valid calibration; no file is written
+    :raises UsageError: if the robot's profile has a calibration already; the robot has not moved
     :raises ControlError: if the drive cannot start or is not completed; no file is written
     """
     settings = require_ready(options)
@@ -108,8 +114,11 @@ def measure_floor(options: CalibrateOptions) -> None:
     """
     Calibrate odometry with a straight line and a turn, and write the robot's profile.
 
-    The robot drives 1 m and makes one full turn, and the user measures both on the floor.
+    The profile is a file with the topics, the limits and the calibration of the robot.  The robot
+    drives 1 m and makes one full turn.  The user measures on the floor how far the robot has
+    driven and turned.  With ``--dry-run``, the function only prints the plans of the two motions.
 
+    :param options: the options of the command
     :raises CalibrationError: if the drives give no valid calibration; no file is written
     :raises ControlError: if a drive cannot start or is not completed; no file is written
     """
@@ -142,10 +151,15 @@ def measure_squares(options: CalibrateOptions) -> None:
     """
     Calibrate odometry with the UMBmark method, and write the robot's profile.
 
-    The robot drives squares in both directions, and the user measures the end pose of each square
-    on the floor (method: J. Borenstein and L. Feng, 1996).
+    The profile is a file with the topics, the limits and the calibration of the robot.  The robot
+    drives squares clockwise and counterclockwise.  After each square, the user measures on the
+    floor the pose of the robot relative to its start (method: J. Borenstein and L. Feng, 1996).
+    With ``--dry-run``, the function only prints the plans of the two motions.
 
+    :param options: the options of the command
     :raises CalibrationError: if the drives give no valid calibration; no file is written
+    :raises UsageError: if the scale of distances has not been measured before with
+        ``kachaka_calibrate floor``; the robot has not moved
     :raises ControlError: if a drive cannot start or is not completed; no file is written
     """
     settings = require_ready(options)
@@ -189,8 +203,13 @@ def measure_squares(options: CalibrateOptions) -> None:
 
 def require_ready(options: CalibrateOptions) -> Settings:
     """
-    Check the robot and the output file before a calibration, and return the robot's settings.
+    Check the robot and the output file before a calibration.
 
+    The output file must not exist yet.  There is one exception: a calibration with a tape measure
+    may replace the file of the robot's profile, if ``--output`` names this file.
+
+    :param options: the options of the command
+    :returns: the settings: the robot's profile, and the rate of velocity messages
     :raises UsageError: if the robot has no odometry, or the output file already exists or cannot
         be written; the robot has not moved
     """
@@ -210,7 +229,11 @@ def require_ready(options: CalibrateOptions) -> Settings:
 
 
 def show(views: Sequence[PlanView]) -> None:
-    """Print the plans of the calibration motions."""
+    """
+    Print a table of the plans of the calibration motions.
+
+    :param views: the plans
+    """
     print(plan_table(views, terminal_columns()), flush=True)
 
 
@@ -218,18 +241,24 @@ def drive_until_good(
         options: CalibrateOptions, motion: str, view: PlanView, fit: Callable[[DriveLog], T],
         before: str = '') -> T:
     """
-    Drive until a measurement is valid, at most three times, and return the measurement.
+    Drive a motion until the drive gives a valid measurement, and return the measurement.
 
     Before each drive the user is asked whether the robot may drive, unless the robot is simulated
-    or ``--yes`` was given.  The drive is repeated only if a user at the terminal can put the robot
-    back and confirm the next drive.  A drive that ended with a fault is not repeated.
+    or ``--yes`` was given.
 
-    :param motion: the name of a motion in the library, or the path of a motion file
+    The motion is driven at most three times.  It is only driven again if a user at the terminal
+    can put the robot back to its start.  So with ``--yes``, a real robot drives only once.  A
+    drive that ended with a fault is not repeated.
+
+    :param options: the options of the command
+    :param motion: the name of a motion of the package, or the path of a motion file
     :param view: the plan of the motion
-    :param fit: a function that returns the measurement from the log of the drive
-    :param before: an instruction that the user reads before the drive; empty for none
+    :param fit: a function that computes the measurement from the record of a drive; it raises
+        CalibrationError if the measurement is not valid
+    :param before: an instruction that is printed before each drive; empty for none
     :raises CalibrationError: if the last drive gives no valid measurement
-    :raises UsageError: if the user does not confirm, or there is no terminal for the question
+    :raises UsageError: if the user does not allow a drive, or there is no terminal for the
+        question
     """
     for attempt in range(1, MAX_ATTEMPTS + 1):
         report = options.report  # each attempt has its own report directory
@@ -252,9 +281,17 @@ def _drive(
         options: CalibrateOptions, motion: str, view: PlanView, report: str,
         before: str) -> list[Pose]:
     """
-    Drive a motion until its log is valid, and return the path that odometry reported.
+    Drive a calibration motion, and return the path that odometry reported.
 
-    :param report: the folder for the report of this drive, inside the directory of ``--report``
+    If the odometry of a drive is not valid, the robot drives the motion again, at most three times
+    in total.
+
+    :param options: the options of the command
+    :param motion: the name of a motion of the package, or the path of a motion file
+    :param view: the plan of the motion
+    :param report: the folder for the report of this motion, inside the directory that ``--report``
+        names
+    :param before: an instruction that is printed before each drive
     """
     if options.report is not None:
         options = replace(options, report=str(Path(options.report) / report))
@@ -268,12 +305,12 @@ def today() -> str:
 
 def show_result(rows: Sequence[Row]) -> None:
     """
-    Print the result of a calibration.
+    Print the results of a calibration as a table.
 
-    Call this before the profile is written, so that the user has the result even if the file
+    Call this before the profile is written, so that the user sees the results even if the profile
     cannot be written.
 
-    :param rows: the name, the value and the standard error of each result, as text
+    :param rows: for each result, its name, its value and its standard error, as text
     """
     table = columns((Column(''), Column('value'), Column('standard error')), rows)
     print('\n'.join(['', *table, '']), flush=True)
@@ -283,10 +320,11 @@ def write_robot(
         options: CalibrateOptions, robot: str,
         calibration: Calibration | OdometryCalibration) -> None:
     """
-    Write the profile of a calibrated robot, and print how to use it.
+    Write a robot's profile with a new calibration to a file, and print how to use the file.
 
+    :param options: the options of the command, which name the file to write
     :param robot: the name or the file of the profile to which the calibration is added
-    :param calibration: the result of the calibration
+    :param calibration: the new calibration
     :raises UsageError: if the file cannot be written
     """
     file = options.file
@@ -298,16 +336,22 @@ def write_robot(
 
 
 class _Answers:
-    """Provides the tape measurements, from ``--measured`` or from questions to the user."""
+    """
+    Provides the measurements that the user makes with a tape measure.
+
+    They are given with the option ``--measured``, or the user is asked for them at the terminal.
+    """
 
     def __init__(self, given: Sequence[str], quantities: Sequence[Sequence[Quantity]]) -> None:
         """
-        Check the answers from the command line.
+        Check the measurements that the user gave on the command line.
 
-        :param given: the answers from ``--measured``, as text; empty to ask the user
-        :param quantities: for each answer, the quantities that it must contain, in order
-        :raises UsageError: if an answer is invalid or missing, or there is no terminal for the
-            questions
+        :param given: the values of the option ``--measured``, one text for each question; empty if
+            the user is asked at the terminal
+        :param quantities: for each question, the quantities that its answer must contain, in
+            order, for example a length and an angle
+        :raises UsageError: if a measurement is invalid or missing, or there is no terminal at
+            which the user can be asked
         """
         if given and len(given) != len(quantities):
             raise UsageError(
@@ -323,12 +367,16 @@ class _Answers:
 
     def ask(self, question: str, kinds: Sequence[Quantity]) -> list[float]:
         """
-        Return the next answer from the command line, or ask the user for it.
+        Return the answer to the next question.
 
-        :param question: the question to the user
-        :param kinds: the quantities that the answer must contain, in order
-        :returns: the measured values [m], [rad]
-        :raises UsageError: if the user gives no answer
+        If the option ``--measured`` gave the answers, return the next one.  Otherwise, ask the
+        user, and repeat the question until the answer is valid.
+
+        :param question: the question that the user is asked
+        :param kinds: the quantities that the answer must contain, in order, for example a length
+            and an angle
+        :returns: the measured values: lengths [m] and angles [rad]
+        :raises UsageError: if the user enters an empty line
         """
         if self._given:
             return self._given.pop(0)
@@ -354,10 +402,15 @@ def _parse(answer: str, kinds: Sequence[Quantity]) -> list[float]:
 @contextlib.contextmanager
 def _motions(side: str) -> Iterator[tuple[str, str]]:
     """
-    Yield the square motions for UMBmark, first the clockwise and then the counterclockwise one.
+    Provide two square motions for a ``with`` block: the clockwise and the counterclockwise one.
 
-    For the default side length these are names of library motions, otherwise paths of temporary
-    files.
+    They are for the UMBmark method, which calibrates odometry.  Squares of the default size are
+    motions of the package.  Squares of another size are written to temporary files, which are
+    deleted after the block.
+
+    :param side: the side length of the squares, as text with a unit
+    :returns: the names of the motions, or the paths of the files
+    :raises UsageError: if the side length is invalid
     """
     names = 'umbmark_cw', 'umbmark_ccw'
     length = _size('side', side)
@@ -377,9 +430,12 @@ def _motions(side: str) -> Iterator[tuple[str, str]]:
 
 def _track(options: CalibrateOptions, profile: RobotProfile) -> float:
     """
-    Return the track [m], the distance between the wheels, that a robot's odometry uses.
+    Return the distance between the wheels with which a robot computes its odometry [m].
 
-    :raises UsageError: if the track is neither given by ``--track`` nor known for the robot
+    :param options: the options of the command; ``--track`` sets the distance
+    :param profile: the profile of the robot, which is used if ``--track`` is not given
+    :raises UsageError: if the distance is invalid, or if it is neither given nor known for the
+        robot
     """
     known = profile.odometry_calibration
     if options.track is not None:
@@ -403,8 +459,9 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     Run the command ``kachaka_calibrate``.
 
-    :param args: the arguments without the program's name; None for the process's arguments
-    :returns: the exit code
+    :param args: the command line arguments after the program's name; None for those of this
+        process
+    :returns: the exit code of the command
     """
     options = calibrate_options.parse(sys.argv[1:] if args is None else args)
     measure = {calibrate_options.FLOOR: measure_floor,

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The options of the command ``kachaka_calibrate``."""
+"""The command line options of ``kachaka_calibrate``, which calibrates a robot."""
 
 from __future__ import annotations
 
@@ -41,20 +41,24 @@ how unequal the wheels are and how wide the track is (after J. Borenstein and L.
 @dataclass(frozen=True)
 class CalibrateOptions(cli.Options):
     """
-    The options of ``kachaka_calibrate``, which extend the options of a drive.
+    The values of the command line options of ``kachaka_calibrate``.
 
-    :param plot: the file for a plot of the calibration drive and the fit; None for no plot
-    :param calibrates: always True
-    :param part: the name of the measurement; ``floor`` and ``umbmark`` use a tape measure, an
-        empty name means a measurement with odometry alone
-    :param output: the profile to write; None if not given
+    The class also has the options of ``kachaka_simple_control``, because the command drives a
+    robot.
+
+    :param plot: the image file for a plot of the drive and its calibration; None for no plot
+    :param calibrates: always True; it means that the drive is for a calibration
+    :param part: what to measure: ``floor`` or ``umbmark`` with a tape measure, or an empty text to
+        measure with odometry only
+    :param output: the file of the robot's profile to write; None for the default file
     :param floor: a description of the floor, which is written to the profile
-    :param dry_run: whether to show the motion without driving
-    :param measured: the tape measurements, in the order of the questions; empty to ask the user
-    :param side: the side length of the squares, as text; None for the default
+    :param dry_run: whether to print the plan of the motion only, without driving
+    :param measured: the measurements with the tape, in the order of the questions; empty to ask
+        the user
+    :param side: the side length of the squares to drive, as text; None for the default
     :param squares: the number of squares in each direction; None for one
-    :param track: the distance between the wheels that odometry uses, as text; None for the known
-        value of the robot
+    :param track: the distance between the wheels with which the robot computes its odometry, as
+        text; None for the known value of the robot
     """
 
     calibrates: bool = True
@@ -69,16 +73,17 @@ class CalibrateOptions(cli.Options):
 
     @property
     def file(self) -> Path:
-        """Return the path of the profile to write."""
+        """Return the path of the profile to write, given by ``--output`` or the default."""
         return OUTPUT if self.output is None else self.output
 
 
 def parse(arguments: Sequence[str]) -> CalibrateOptions:
     """
-    Parse the arguments of the command.
+    Parse the command line arguments of ``kachaka_calibrate``.
 
-    :raises SystemExit: with code 2 if an argument is invalid, after a line that says why; with
-        code 0 after ``--help``
+    :param arguments: the arguments after the program's name
+    :raises SystemExit: with code 2 if an argument is invalid, after an error message in one line;
+        with code 0 after ``--help`` has printed the help
     """
     parser = _parser()
     values = cli.parse_values(parser, arguments)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The options of the command ``kachaka_simple_control``; this module needs no ROS."""
+"""The command line options of ``kachaka_simple_control``; this module needs no ROS."""
 
 from __future__ import annotations
 
@@ -59,29 +59,34 @@ default of the parameter
 @dataclass(frozen=True)
 class Options:
     """
-    The options of the command.
+    The values of the command line options of ``kachaka_simple_control``.
+
+    The lesson is the motion that is driven by default.  A bridge is a process that connects a
+    Kachaka robot to ROS 2 topics.
 
     :param motions: the names or files of motions; empty for the lesson
-    :param sim: whether to start the bridge of a simulated robot
-    :param robot: the name or file of the robot's profile; None if not given
+    :param sim: whether to start a simulated robot with its bridge
+    :param robot: the name or file of the robot's profile, which has its topics and limits; None if
+        not given
     :param rate: the rate of velocity messages [Hz]; None if not given
     :param closed_loop: whether odometry corrects the velocities; None if not given
-    :param speed: the initial speed factor, from 0 to 1; None if not given
+    :param speed: the initial speed as a fraction of the planned speed, up to 1; None if not given
     :param list: whether to list the motions of the package
     :param plan: whether to print the plan of each motion
-    :param plot: the file for a plot of the plans; None for no plot
+    :param plot: the image file for a plot of the plans; None for no plot
     :param wait: whether to start the motion only when the service ``~/run`` is called or Enter is
         pressed
     :param ros_arguments: the arguments for ROS, including ``--ros-args`` and ``--``
     :param report: the directory for a report; None for no report
-    :param repeat: the number of drives
+    :param repeat: how many times to drive the motion
     :param quiet: whether to print only the node's log lines while the robot drives
-    :param address: the address of the real robot to start a bridge for; None for no bridge
-    :param simulation: the options of the simulated robot, as text
-    :param yes: whether to drive a real robot without asking
-    :param calibrates: whether the drive is for a calibration; such a drive records a log, and
-        prints no table
-    :param command: the whole command line, for reports
+    :param address: the address of a real robot; a bridge to this robot is started; None for no
+        bridge
+    :param simulation: the options of the simulated robot, as command line arguments
+    :param yes: whether to drive a real robot without asking the user
+    :param calibrates: whether the drive is for a calibration; such a drive is recorded, and prints
+        no table of results
+    :param command: the whole command line, which is shown in reports
     """
 
     motions: tuple[str, ...] = ()
@@ -106,22 +111,26 @@ class Options:
 
     @property
     def is_preview(self) -> bool:
-        """Whether the command only shows motions and does not drive."""
+        """Whether the command only lists motions or shows their plans, and does not drive."""
         return self.list or self.plan or self.plot is not None
 
     @property
     def starts_bridge(self) -> bool:
-        """Whether the command starts the bridge of a robot, simulated or real."""
+        """
+        Whether the command starts a bridge, a process that connects a robot to ROS 2.
+
+        The robot is a simulated or a real one.
+        """
         return self.sim or self.address is not None
 
 
 def parse(arguments: Sequence[str] | None = None) -> Options:
     """
-    Parse the arguments of the command.
+    Parse the command line arguments of ``kachaka_simple_control``.
 
-    :param arguments: the arguments without the program's name; None for the process's arguments
-    :raises SystemExit: with code 2 if an argument is invalid, after a line that says why; with
-        code 0 after ``--help``
+    :param arguments: the arguments after the program's name; None for those of this process
+    :raises SystemExit: with code 2 if an argument is invalid, after an error message in one line;
+        with code 0 after ``--help`` or ``--version`` has printed its text
     """
     parser = _parser()
     if '_ARGCOMPLETE' in os.environ:
@@ -149,11 +158,12 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
 
 def parse_values(parser: OneLineParser, arguments: Sequence[str]) -> dict[str, Any]:
     """
-    Parse the arguments of a command that drives.
+    Parse the command line arguments of a program that drives a robot.
 
-    :param parser: the parser of the command's own arguments
-    :returns: the values of the options, by name; ``ros_arguments`` has the arguments for ROS, and
-        ``command`` the whole command line
+    :param parser: the parser for all arguments that are not for ROS
+    :param arguments: the arguments after the program's name
+    :returns: the values of the options, by name; the key ``ros_arguments`` has the arguments for
+        ROS, and the key ``command`` has the whole command line
     """
     own, ros = split_ros_arguments(arguments)
     return {**vars(parser.parse_args(own)), 'ros_arguments': tuple(ros),
@@ -162,12 +172,13 @@ def parse_values(parser: OneLineParser, arguments: Sequence[str]) -> dict[str, A
 
 def take_simulation(parser: OneLineParser, values: dict[str, Any]) -> None:
     """
-    Check the options of the simulated robot, and replace them with one value, ``simulation``.
+    Check the options of the simulated robot, and combine them into one value.
 
-    This value contains the given options as command line arguments.
+    The values of these options are removed from ``values``.  The new key ``simulation`` has the
+    options that the user gave, as command line arguments.
 
     :param parser: the parser, which ends the program if an option is invalid
-    :param values: the values of the command's options, by name; changed in place
+    :param values: the values of all options, by name; the function changes this dictionary
     """
     simulation = simulation_words(values)
     if simulation and not values['sim']:
@@ -210,7 +221,11 @@ def _parser() -> OneLineParser:
 
 
 def add_drive_options(parser: OneLineParser) -> None:
-    """Add the options that all driving commands share: robot, rate, report and others."""
+    """
+    Add the options that all programs that drive a robot have, such as robot, rate and report.
+
+    :param parser: the parser to which the options are added
+    """
     robot = parser.add_mutually_exclusive_group().add_argument
     robot('--sim', action='store_true',
           help='start a simulated Kachaka, drive it, and print what was requested, sent and '
@@ -261,7 +276,13 @@ def _count(text: str) -> int:
 
 
 def _complete(parser: OneLineParser) -> NoReturn:
-    """Print the completions of the current word for a shell, and exit without driving."""
+    """
+    Print the possible completions of a word on the command line, and exit.
+
+    A shell calls the program in this way when the user presses Tab.
+
+    :param parser: the parser, which knows the options of the program
+    """
     try:
         from argcomplete import autocomplete
     except ModuleNotFoundError:
@@ -280,7 +301,14 @@ def _complete(parser: OneLineParser) -> NoReturn:
 
 
 def _paths(prefix: str, *suffixes: str) -> list[str]:
-    """Return paths that start with a prefix: folders, and files with one of the suffixes."""
+    """
+    Return the paths that complete a partly typed path, for completion in a shell.
+
+    :param prefix: the typed part of the path
+    :param suffixes: the suffixes of the files to return; without suffixes, only folders are
+        returned
+    :returns: all matching folders, and all matching files with one of the suffixes
+    """
     found = glob(f'{escape(prefix)}*')  # noqa: PTH207 (a path keeps its ./)
     return [f'{path}/' if Path(path).is_dir() else path
             for path in found if path.endswith(suffixes) or Path(path).is_dir()]
@@ -288,11 +316,12 @@ def _paths(prefix: str, *suffixes: str) -> list[str]:
 
 def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     """
-    Split arguments into the command's own arguments and the ROS arguments.
+    Split command line arguments into the program's own arguments and the arguments for ROS.
 
-    ROS arguments begin with ``--ros-args`` and end with ``--`` or the last argument.
+    The arguments for ROS begin with ``--ros-args``, and end with ``--`` or the last argument.
 
-    :returns: the command's own arguments, and the ROS arguments with ``--ros-args`` and ``--``
+    :param arguments: all arguments after the program's name
+    :returns: the program's own arguments, and the arguments for ROS with ``--ros-args`` and ``--``
     """
     own: list[str] = []
     ros: list[str] = []

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The command ``kachaka_compare``, which compares several drives of the same motion."""
+"""
+The command ``kachaka_compare``, which compares several drives of the same motion.
+
+A drive is one run of the robot.  The command reads the reports of the drives.
+"""
 
 from __future__ import annotations
 
@@ -33,10 +37,10 @@ NAME = 'kachaka_compare'
 
 def compare(directories: Sequence[Path], plot: str | None) -> None:
     """
-    Print a table that compares drives, and plot the paths of the drives.
+    Print a table that compares the end poses of several drives, and save a plot of their paths.
 
-    :param directories: the directories of the drives' reports
-    :param plot: the file of the plot; None for no plot
+    :param directories: the directory of each drive's report
+    :param plot: the image file for the plot; None for no plot
     :raises UsageError: if the drives cannot be compared, or the plot cannot be written
     """
     file = None if plot is None else check_plot_file(plot)
@@ -56,8 +60,9 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     Run the command ``kachaka_compare``.
 
-    :param args: the arguments without the program's name; None for the process's arguments
-    :returns: the exit code
+    :param args: the command line arguments after the program's name; None for those of this
+        process
+    :returns: the exit code of the command
     """
     parser = OneLineParser(
         prog=NAME, allow_abbrev=False,

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Drive a robot according to the options of the command; this module needs ROS."""
+"""Drive a robot as the options of ``kachaka_simple_control`` request; this module needs ROS."""
 
 from __future__ import annotations
 
@@ -61,9 +61,14 @@ KEY_STEP = 0.1
 
 def drive(options: Options) -> DriveLog:
     """
-    Drive a motion or the lesson, or wait for a request to drive a motion.
+    Drive a motion as the options request, and return the record of the drive.
 
-    :returns: the log of the drive
+    If the options name no motion, drive the lesson, the default motion.  With ``--wait``, wait for
+    requests and drive the motion at each request, until the program is stopped.
+
+    :param options: the options of the command
+    :returns: the plans, the sent velocities and the odometry of the drive; empty if the drive was
+        not recorded
     :raises ControlError: if the drive could not be completed; the robot was stopped
     :raises InvalidMotionError: if the robot cannot drive the motion; the robot has not moved
     """
@@ -122,11 +127,18 @@ def _start_subscribers(
         subscribers: subscriber_process.SubscriberProcesses, options: Options, is_lesson: bool,
         guardian_memory: tuple[int, int] | None) -> subscriber_process.SubscriberProcess | None:
     """
-    Start the display and the report program, if the options ask for them.
+    Start the processes that display a drive and write its report, if the options request them.
 
-    :param guardian_memory: the descriptor of the memory that is shared with the guardian, and the
-        index of the robot in this memory; None without a guardian
-    :returns: the process of the report program; None without a report
+    The report also needs to know whether the guardian has stopped the robot.  The guardian is a
+    process that stops the robot if this program fails.
+
+    :param subscribers: the object to which the processes are added; it sends them the events of
+        the drive, such as each velocity
+    :param options: the options of the command
+    :param is_lesson: whether the robot drives the lesson, the default motion
+    :param guardian_memory: the file descriptor of the memory that is shared with the guardian, and
+        the index of the robot in this memory; None without a guardian
+    :returns: the process that writes the report; None without a report
     """
     # A lesson without a terminal needs no display, because the node logs each of its movements.
     if not options.quiet and (not is_lesson or terminal.is_terminal(STDERR)):
@@ -144,9 +156,14 @@ def _start_bridge(
         stack: contextlib.ExitStack, options: Options,
         robot_control: KachakaSimpleControl) -> None:
     """
-    Start the bridge of a robot in a child process, and accept only the robot of this bridge.
+    Start the bridge of a robot, a child process that connects the robot to ROS 2.
 
-    The bridge runs until the stack is closed.
+    After this, the node drives only the robot of this bridge, and no other robot with the same
+    topics.  The bridge ends when the stack is closed.
+
+    :param stack: the stack of context managers to which the bridge is added
+    :param options: the options of the command, which select a simulated or a real robot
+    :param robot_control: the node that drives the robot
     """
     from kachaka_simple_control.kachaka.bridge_process import real_bridge, simulated_bridge
     namespace = robot_control.node_parameters.robot_namespace
@@ -157,7 +174,19 @@ def _start_bridge(
 
 
 def _motion_file(options: Options) -> MotionFile | None:
-    """Return the checked motion file that the options name; None for the lesson."""
+    """
+    Read the motion that the options name, and check that the robot can drive it.
+
+    If the options name no motion, the program drives the lesson, the default motion.  The lesson
+    is a Python function, so there is no motion file.  With ``--wait``, the lesson is read as a
+    motion too.
+
+    :param options: the options of the command
+    :returns: the checked motion and its source; None if the Python function of the lesson is to
+        run
+    :raises UsageError: if two options contradict each other
+    :raises InvalidMotionError: if the motion is not found, or the robot cannot drive it
+    """
     motion_file = None
     if options.motions or options.wait:
         motion_file = find(options.motions[0] if options.motions else 'lesson')
@@ -177,7 +206,11 @@ def _motion_file(options: Options) -> MotionFile | None:
 
 
 def _count_movements() -> int | None:
-    """Return the number of movements of the lesson; None if it is known only after a drive."""
+    """
+    Return the number of movements in the lesson, the motion that is driven by default.
+
+    Return None if the movements cannot be counted without a robot.
+    """
     try:
         return len(lesson_motion().steps)
     except Exception:  # an edited lesson may call methods that only a node has
@@ -211,7 +244,16 @@ def _run(
 
 def _wait_for_requests(
         robot_control: KachakaSimpleControl, motion: Motion, limits: Limits, keys: Keys) -> None:
-    """Start the motion at each call of ``~/run`` or press of Enter, until the node is stopped."""
+    """
+    Wait for requests, and drive the motion at each request, until the node is stopped.
+
+    A request is a call of the service ``~/run``, or the key Enter at the terminal.
+
+    :param robot_control: the node that drives the robot
+    :param motion: the motion
+    :param limits: the limits of velocity and acceleration for the motion
+    :param keys: the functions of the keys that control the robot while it drives
+    """
     commander = robot_control.commander
     drive = partial(robot_control.run, motion, limits)
     name = commander.serve('~/run', partial(commander.request_start, drive))
@@ -226,7 +268,14 @@ def _wait_for_requests(
 
 
 def _keys(robot_control: KachakaSimpleControl) -> Keys:
-    """Return the functions that the keys call while the robot drives, by key."""
+    """
+    Return the function for each key with which the user controls the robot while it drives.
+
+    The space bar pauses, ``r`` resumes, ``-`` and ``+`` change the speed, and ``q`` ends the
+    program.
+
+    :param robot_control: the node that drives the robot
+    """
     commander = robot_control.commander
     faster = partial(commander.change_speed, KEY_STEP)
     return {

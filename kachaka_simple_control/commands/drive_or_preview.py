@@ -41,10 +41,10 @@ def confirm(floor_size: str, before: str = '') -> None:
     """
     Ask the user whether a robot may drive, and raise an error if it may not.
 
-    Lines that were typed before the question are discarded.
+    Text that was typed before the question is discarded.
 
     :param floor_size: the size of the free floor that the motion needs, as text
-    :param before: an instruction that the user reads before the drive; empty for none
+    :param before: an instruction that is printed before the question; empty for none
     :raises UsageError: if the answer is not Enter, y or yes, or there is no terminal for the
         question
     """
@@ -61,11 +61,13 @@ def confirm(floor_size: str, before: str = '') -> None:
 
 def drive(options: Options) -> DriveLog:
     """
-    Drive according to the options, and return the log of the drive.
+    Drive a robot as the options request, and return the record of the drive.
 
-    The log is empty unless the options ask for a bridge, a report or a calibration.
-
-    :raises UsageError: if ROS is not installed or not sourced
+    :param options: the options of the command
+    :returns: the plans, the sent velocities and the odometry of the drive; empty unless the
+        options request a simulated robot, an address of a robot, a report, a calibration or the
+        ROS parameter ``summary``
+    :raises UsageError: if ROS 2 is not installed, or its setup file was not sourced
     :raises ControlError: if the drive could not be completed; the robot was stopped
     """
     try:
@@ -115,8 +117,9 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     Run the command ``kachaka_simple_control``.
 
-    :param args: the arguments without the program's name; None for the process's arguments
-    :returns: the exit code
+    :param args: the command line arguments after the program's name; None for those of this
+        process
+    :returns: the exit code of the command
     """
     options = parse(args)
     return run_command(lambda: _run(options))

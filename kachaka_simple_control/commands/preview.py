@@ -32,8 +32,9 @@ from kachaka_simple_control.ros.node_parameters import require_parameters_only
 
 def preview(options: Options) -> None:
     """
-    List motions, or print or plot the plans of motions.
+    List the motions of the package, or print or plot the plans of motions.
 
+    :param options: the options of the command: ``--list``, ``--plan`` or ``--plot``
     :raises InvalidMotionError: if a motion is invalid or not found
     :raises UsageError: if an option is invalid, or the output cannot be written
     """
@@ -52,7 +53,13 @@ def preview(options: Options) -> None:
 
 
 def _listing(options: Options) -> str:
-    """Return a line with name, duration and description for each motion of the package."""
+    """
+    Return a text with the name, duration and description of each motion of the package.
+
+    Each motion has one line.
+
+    :param options: the options of the command, which select the robot and the rate of messages
+    """
     rows = []
     for name in library():
         preview = plan_view(name, options)
@@ -74,9 +81,13 @@ def _print(text: str) -> None:
 
 def plan_view(name: str, options: Options) -> PlanView:
     """
-    Return the plan of a motion, with the data to print or plot it.
+    Plan a motion, and return the plan with the data that are needed to print or plot it.
 
-    :param name: the name of a motion in the library, or the path of a motion file
+    If the options override a value of the motion's file, print this to standard error, unless the
+    motions are only listed.
+
+    :param name: the name of a motion of the package, or the path of a motion file
+    :param options: the options of the command, which may select the robot and the rate of messages
     :raises InvalidMotionError: if the motion is invalid or not found
     :raises UsageError: if an option is invalid
     """

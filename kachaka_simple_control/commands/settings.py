@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Choose the robot, the rate and open-loop or closed-loop control for a motion.
+Choose the robot, the rate of messages, and open-loop or closed-loop control for a motion.
 
-The sources are the command's options, the ROS parameters (``-p``), and the motion's file.
+Each value is from an option of the command, a ROS parameter (``-p``), or the motion's file.  If
+none of them gives the value, there is a default.
 """
 
 from __future__ import annotations
@@ -43,11 +44,11 @@ NAMES = ('robot', 'rate', 'closed_loop')
 @dataclass(frozen=True)
 class Settings:
     """
-    The settings for planning a motion.
+    The robot, the message rate and the kind of control for which a motion is planned.
 
-    :param robot: the name or file of the robot's profile
+    :param robot: the name or the file of the robot's profile
     :param rate: the rate of velocity messages [Hz]
-    :param profile: the robot's profile
+    :param profile: the robot's profile, which has its topics, limits and calibration
     :param closed_loop: whether odometry corrects the velocities
     """
 
@@ -60,26 +61,31 @@ class Settings:
         """
         Check that the robot can drive a motion, and return the limits for the motion.
 
-        For a closed loop the check uses lower limits, because a part of the robot's limits is
+        With closed-loop control, the check uses lower limits, because a part of each limit is
         reserved for corrections.
 
-        :raises MotionFileError: if the robot cannot drive the motion, with one line per problem
+        :param motion_file: the file of the motion
+        :returns: for each quantity, such as the linear velocity, the limit in the file, or the
+            limit of the robot if the file has none
+        :raises MotionFileError: if the robot cannot drive the motion; the message has a line for
+            each problem
         """
         return motion_file.check(self.profile.planning_limits, self.profile.name, self.closed_loop)
 
 
 def choose_settings(options: Options, motion_file: MotionFile | None) -> Settings:
     """
-    Return the settings of a motion.
+    Choose the robot, the message rate, and open-loop or closed-loop control for a motion.
 
-    A value that an option or ``-p`` gives has priority over the value in the motion's file.  A
-    value that is not given at all is the default.
+    A value that an option or a ROS parameter (``-p``) gives has priority over the value in the
+    motion's file.  If none of them gives a value, the default is used.
 
     :param options: the options of the command
-    :param motion_file: the motion; None for the lesson
-    :raises UsageError: if an option and ``-p`` differ, or a value is invalid, or the robot does
-        not support closed-loop control
-    :raises MotionFileError: if the rate of the file is out of range
+    :param motion_file: the motion's file; None for the lesson, the default motion
+    :returns: the chosen settings, with the robot's profile
+    :raises UsageError: if an option and a ROS parameter give different values, if a value is
+        invalid, or if the robot does not support closed-loop control
+    :raises MotionFileError: if the rate in the motion's file is out of range
     """
     given = _given(options)
     values = {'robot': NodeParameters.robot, 'rate': NodeParameters.rate,
@@ -102,9 +108,14 @@ def describe_overrides(
         options: Options, motion_file: MotionFile | None,
         used: Settings | NodeParameters) -> list[str]:
     """
-    Return a line for each value of the motion's file that an option or a parameter overrides.
+    Return a line of text for each setting in a motion's file that the drive does not use.
 
-    :param used: the values that the drive uses
+    Such a setting is overridden by an option of the command or by a ROS parameter.  The line gives
+    both values.
+
+    :param options: the options of the command
+    :param motion_file: the motion's file; None if the motion has no file
+    :param used: the settings that the drive uses
     """
     lines = []
     for name, said in in_file(motion_file).items():
@@ -122,13 +133,27 @@ def describe_overrides(
 
 
 def in_file(motion_file: MotionFile | None) -> dict[str, object]:
-    """Return the settings that the motion's file contains, by name."""
+    """
+    Return the values of robot, rate and closed_loop that a motion's file contains.
+
+    :param motion_file: the motion's file; None if the motion has no file
+    :returns: the values by name; a name that the file does not contain is left out
+    """
     values = {name: getattr(motion_file, name, None) for name in NAMES}
     return {name: value for name, value in values.items() if value is not None}
 
 
 def _given(options: Options) -> dict[str, object]:
-    """Return the settings that the command line contains, by name."""
+    """
+    Return the values of robot, rate and closed_loop that the command line contains.
+
+    An option, such as ``--rate 50``, or a ROS parameter, such as ``-p rate:=50``, gives a value.
+
+    :param options: the options of the command
+    :returns: the values by name; a name without a value is left out
+    :raises UsageError: if an option and a ROS parameter give different values, or a value is
+        invalid
+    """
     values = {name: option for name in NAMES if (option := getattr(options, name)) is not None}
     parameters = parameter_arguments(options.ros_arguments)
     for name in NAMES:
@@ -143,9 +168,12 @@ def _given(options: Options) -> dict[str, object]:
 
 def chosen_speed(options: Options) -> float | None:
     """
-    Return the speed factor of the option ``--speed``; None if it is not given.
+    Return the value of the option ``--speed`` as a fraction of the planned speed.
 
-    :raises UsageError: if the parameter ``speed_factor`` has a different value
+    Return None if the option is not given.
+
+    :param options: the options of the command
+    :raises UsageError: if the ROS parameter ``speed_factor`` has a different value
     """
     speed = options.speed
     text = parameter_arguments(options.ros_arguments).get('speed_factor')
@@ -177,7 +205,12 @@ _READERS: dict[str, Callable[[str, str], object]] = {
 
 
 def _option(name: str, value: object) -> str:
-    """Return an option and its value as command line text, for example ``--rate 50``."""
+    """
+    Return a setting as an option of the command line, for example ``--rate 50``.
+
+    :param name: the name of the setting
+    :param value: the value of the setting; False gives an option such as ``--no-closed-loop``
+    """
     word = name.replace('_', '-')
     if isinstance(value, bool):
         return f'--{word}' if value else f'--no-{word}'
