@@ -11,4 +11,9 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The Kachaka robot: the bridge to ROS 2, the real robot over gRPC, and a simulated robot."""
+"""
+Code for the Kachaka, a mobile robot that programs control over gRPC.
+
+The package has a bridge between the robot and ROS 2, a gRPC client for the real robot, and a
+simulated robot.
+"""

@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The command ``kachaka_bridge``, which connects a Kachaka to ROS 2.
+The command ``kachaka_bridge``, which connects a Kachaka robot to ROS 2.
 
-The topics and the service have the same names as those of the manufacturer's official bridge.
+The robot is real or simulated.  The topics and the service have the same names as those of the
+manufacturer's own ROS 2 bridge.
 """
 
 from __future__ import annotations
@@ -61,9 +62,9 @@ PROGRAM = 'kachaka_bridge'
 
 class _Fault:
     """
-    Ends the bridge when a fault occurs, and stores the reason.
+    Ends the bridge program when a fault occurs, and stores the reason for the error message.
 
-    ``text`` is the reason for the first fault, or empty if there was no fault.
+    ``text`` is the reason for the first fault.  It is empty if no fault has occurred.
     """
 
     def __init__(self, shutdown: ShutdownEvent) -> None:
@@ -80,10 +81,10 @@ class _Fault:
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Run the bridge until a signal or a fault ends it.
+    Run the bridge between the robot and ROS 2 until a signal or a fault ends it.
 
-    :param args: the arguments without the program's name; default: the command line
-    :returns: the exit code
+    :param args: the command line arguments without the program's name; default: ``sys.argv[1:]``
+    :returns: the exit code of the program
     """
     make_log_nonblocking()
     return run_until_shutdown(
@@ -124,7 +125,12 @@ def _run(args: list[str], shutdown: ShutdownEvent) -> None:
 
 
 def _advice(options: argparse.Namespace) -> str:
-    """Return the advice for a user whose bridge found another bridge with the same names."""
+    """
+    Return what a user can do if another bridge already uses the same ROS names.
+
+    :param options: the parsed command line options of this bridge
+    :returns: the advice, as the last part of the error message
+    """
     if not options.with_parent:
         return 'stop it, or choose another --namespace'
     mine = '--address' if options.address else '--sim (in a script, sim=True)'
@@ -135,9 +141,19 @@ def _bridge(
         options: argparse.Namespace, parameters: SimulationParameters,
         fault: _Fault) -> Callable[..., BridgeNode]:
     """
-    Return a function that creates the bridge node.
+    Return a function that creates the ROS node of the bridge.
 
-    For a real robot, connect to the robot first.
+    If the options have the address of a real robot, the connection to this robot is opened before
+    the function is returned.
+
+    :param options: the parsed command line options
+    :param parameters: the parameters of the simulated robot; not used for a real robot
+    :param fault: ends the program; used if a motion of a real robot is aborted and the option
+        ``--give-up`` is set
+    :returns: the function; it has the keyword arguments ``namespace``, ``frame_prefix`` and
+        ``on_conflict`` of the node
+    :raises ExitError: if the SDK of the real robot is not installed
+    :raises RobotNotFoundError: if the real robot does not respond
     """
     if options.sim:
         from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
@@ -191,10 +207,13 @@ def _serve(node: BridgeNode, shutdown: ShutdownEvent, with_parent: bool) -> None
 @contextlib.contextmanager
 def _spinning(executor: ExecutorLoop, shutdown: ShutdownEvent) -> Iterator[None]:
     """
-    Run an executor in a thread during a ``with`` block.
+    Run an executor of ROS callbacks in a new thread during a ``with`` block.
 
-    If the executor ends, ``shutdown`` is set.  If the executor raised an exception, the exception
-    is raised again at the end of the block.
+    :param executor: the executor; it is stopped at the end of the block
+    :param shutdown: the event that ends the program; it is set when the executor ends for any
+        reason
+    :raises Exception: if the executor raised an exception; the same exception is raised again at
+        the end of the block
     """
     with ThreadPoolExecutor(max_workers=1) as threads:
         spinning = threads.submit(executor.run)

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The ROS 2 nodes of the bridge, with the topics and the service of the official bridge."""
+"""
+ROS 2 nodes that connect a Kachaka robot to ROS 2.
+
+The module has the base class of all these nodes, and the node for a simulated robot.
+"""
 
 from __future__ import annotations
 
@@ -52,13 +56,16 @@ LIMIT_WARN_PERIOD = 5.0
 
 class BridgeNode(Node):
     """
-    A bridge node with the topics, the service and the QoS of the official bridge.
+    The base class of the nodes that connect a Kachaka robot to ROS 2.
 
-    Each subclass connects one kind of robot.
+    The node has the same topics, service and QoS as the manufacturer's own ROS 2 bridge.  It
+    receives velocities and publishes odometry.  Its service switches manual control, the mode in
+    which the robot follows velocities.  There is one subclass for the real robot, and one for a
+    simulated robot.
 
-    :param namespace: the namespace of the topics and the service
-    :param on_conflict: called if another bridge with the same topic names is discovered later,
-        with a description of that bridge
+    :param namespace: the ROS namespace of the topics and the service
+    :param on_conflict: called if another bridge that uses the same topic names is discovered after
+        this node was created; its argument is a text that describes the other bridge
     :raises RobotTakenError: if another bridge already uses the same topic names
     :raises UsageError: if a name is invalid, or if remapping gives two topics or two services of
         the node the same name
@@ -87,18 +94,29 @@ class BridgeNode(Node):
 
     @property
     def summary(self) -> str:
-        """Return the topics and the service of the bridge as text, in one line."""
+        """Return one line of text for the log, with the names of the node's topics and service."""
         return (
             f'velocities on {self._subscription.topic_name}, '
             f'manual control at {self.resolve_service_name(self._service.srv_name)}, '
             f'odometry on {self._odometry[0].topic_name}')
 
     def executors(self) -> list[ExecutorLoop]:
-        """Return the executors of the node; the caller runs each of them in its own thread."""
+        """
+        Return the executors, which run the node's callbacks.
+
+        The caller must run each executor in a thread of its own.
+        """
         return [NodeExecutor(self)]
 
     def on_velocity(self, twist: Twist) -> None:
-        """Send the velocity of a message to the robot, and warn if it is above the limits."""
+        """
+        Send the velocity of a received message to the robot.
+
+        A warning is logged if the velocity is above the robot's limits.  The robot then drives at
+        its limit.
+
+        :param twist: the message; only its ``linear.x`` [m/s] and ``angular.z`` [rad/s] are used
+        """
         velocity = conversions.velocity(twist)
         for value, largest, unit in (
                 (velocity.linear_x, KACHAKA.limits.max_linear_velocity, 'm/s'),
@@ -111,23 +129,25 @@ class BridgeNode(Node):
         self.drive(velocity, time.monotonic())
 
     def close(self) -> None:
-        """Disconnect from the robot, before ``destroy_node()`` is called."""
+        """Disconnect from the robot; the caller must call this before ``destroy_node()``."""
 
     def drive(self, velocity: Velocity, now: float) -> None:
         """
-        Send a velocity to the robot.
+        Send a velocity to the robot; each subclass must implement this method.
 
-        :param velocity: the velocity; it may be infinite or NaN
+        :param velocity: the velocity; if it is infinite or NaN, the robot must not follow it
         :param now: the time at which the velocity was received [s, steady clock]
         """
         raise NotImplementedError
 
     def set_manual_control(self, enabled: bool) -> str:
         """
-        Switch manual control on or off.
+        Switch manual control on or off; each subclass must implement this method.
 
-        :param enabled: whether to switch manual control on
-        :returns: the reason if the robot refuses, else an empty text
+        Manual control is the mode in which the robot follows velocities.
+
+        :param enabled: true to switch manual control on, false to switch it off
+        :returns: an empty text for success; else the reason for the failure
         """
         raise NotImplementedError
 
@@ -151,18 +171,21 @@ class BridgeNode(Node):
 
 class SimulatedBridge(BridgeNode):
     """
-    The bridge node of a simulated robot, which behaves like the official bridge.
+    The node that connects a simulated robot to ROS 2.
 
-    A velocity that is received while manual control is off switches manual control on.  This
-    velocity has no other effect; even a zero velocity is lost.  The bridge does not limit
-    velocities.  If no more velocities come, only the robot's own command timeout stops the robot.
-    The bridge logs the robot's pose when manual control is switched off, and when the bridge ends.
+    The node behaves like the manufacturer's own ROS 2 bridge of a real robot.  The robot follows
+    velocities only while its manual control is on.  If a velocity is received while manual control
+    is off, the node switches manual control on, but the robot does not follow this velocity, even
+    if it is a zero velocity.  The node does not limit velocities.  If no more velocities are
+    received, the node sends no stop: the robot stops itself after its command timeout.  The node
+    logs the robot's pose when manual control is switched off, or at the latest when the node is
+    closed.
 
     :param robot: the simulated robot
-    :param namespace: the namespace of the topics and the service
-    :param frame_prefix: the prefix of the frame names; no separator is added
-    :param on_conflict: called if another bridge with the same topic names is discovered later,
-        with a description of that bridge
+    :param namespace: the ROS namespace of the topics and the service
+    :param frame_prefix: a text before the frame names in odometry; no separator is added
+    :param on_conflict: called if another bridge that uses the same topic names is discovered after
+        this node was created; its argument is a text that describes the other bridge
     :raises RobotTakenError: if another bridge already uses the same topic names
     """
 
@@ -181,9 +204,13 @@ class SimulatedBridge(BridgeNode):
 
     def drive(self, velocity: Velocity, now: float) -> None:
         """
-        Send a velocity to the robot.
+        Send a velocity to the simulated robot.
 
-        :param velocity: the velocity; it may be infinite or NaN
+        The robot follows velocities only while its manual control is on.  If manual control is
+        off, this method switches it on, but the robot does not follow this velocity.
+
+        :param velocity: the velocity; if it is infinite or NaN, the robot refuses it and a warning
+            is logged
         :param now: the time at which the velocity was received [s, steady clock]
         """
         code = self._robot.set_robot_velocity(
@@ -195,16 +222,21 @@ class SimulatedBridge(BridgeNode):
             self.get_logger().warning(f'the robot refused {velocity}', throttle_duration_sec=1.0)
 
     def close(self) -> None:
-        """Log the robot's pose if it is not logged yet, before ``destroy_node()`` is called."""
+        """
+        Log the robot's pose, unless it was logged after manual control was last switched on.
+
+        Nothing is logged if manual control was never switched on.  The caller must call this
+        method before ``destroy_node()``.
+        """
         if not self._is_place_logged:
             self._log_place(time.monotonic())
 
     def set_manual_control(self, enabled: bool) -> str:
         """
-        Switch manual control on or off.
+        Switch manual control, the mode in which the robot follows velocities, on or off.
 
-        :param enabled: whether to switch manual control on
-        :returns: the reason if the robot refuses, else an empty text
+        :param enabled: true to switch manual control on, false to switch it off
+        :returns: an empty text for success; else the robot's error code as text
         """
         now = time.monotonic()
         # Log only changes, because clients repeat their request to renew manual control.

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Run the program ``kachaka_bridge`` as a child process of a script or a node."""
+"""
+Run the program ``kachaka_bridge`` as a child process of a script or a ROS node.
+
+This program connects a real or a simulated Kachaka robot to ROS 2.
+"""
 
 from __future__ import annotations
 
@@ -48,15 +52,16 @@ def simulated_bridge(
         namespace: str = KACHAKA.namespace,
         options: Sequence[str] = ()) -> Iterator[BridgeProcess]:
     """
-    Run a simulated robot on ROS 2 during a ``with`` block, and always end it after the block.
+    Run a simulated Kachaka robot with ROS 2 topics in a child process, during a ``with`` block.
 
-    The block starts before the robot is ready.  The code in the block has to wait for the robot.
+    The block starts before the robot is ready, so the code in the block has to wait for the robot.
+    After the block, the process is always ended.
 
-    :param namespace: the namespace of the topics and the service
-    :param options: more options of ``kachaka_bridge``
-    :returns: a context manager for the process
-    :raises ControlError: if the process ends before the block ends; this error replaces an error
-        that was raised in the block
+    :param namespace: the ROS namespace of the robot's topics and service
+    :param options: more command line options for the child process, the program ``kachaka_bridge``
+    :returns: a context manager, which gives the block a ``BridgeProcess``
+    :raises ControlError: if the process ends before the block ends; if the block has raised
+        another error, the ``ControlError`` is raised in its place
     """
     with _running(BridgeProcess(['--sim', '--namespace', namespace, *options])) as process:
         yield process
@@ -65,17 +70,18 @@ def simulated_bridge(
 @contextlib.contextmanager
 def real_bridge(address: str, namespace: str = KACHAKA.namespace) -> Iterator[BridgeProcess]:
     """
-    Run a bridge to a real robot during a ``with`` block, and always end it after the block.
+    Connect a real robot to ROS 2 in a child process, during a ``with`` block.
 
-    The block starts when the robot has responded.  The bridge ends if the robot refuses to move,
-    or if the connection is lost during a motion.  A run that uses the bridge then ends, too.
+    The block starts when the robot has responded.  After the block, the process is always ended.
+    The process ends earlier if the robot refuses to move, or if the gRPC connection is lost during
+    a motion.  A motion that the block commands over ROS then ends, too.
 
-    :param address: the address of the robot, HOST or HOST:PORT
-    :param namespace: the namespace of the topics and the service
-    :returns: a context manager for the process
+    :param address: the network address of the robot, HOST or HOST:PORT
+    :param namespace: the ROS namespace of the robot's topics and service
+    :returns: a context manager, which gives the block a ``BridgeProcess``
     :raises RobotNotFoundError: if no robot responds
-    :raises ControlError: if the process ends before the block ends; this error replaces an error
-        that was raised in the block
+    :raises ControlError: if the process ends before the block ends; if the block has raised
+        another error, the ``ControlError`` is raised in its place
     """
     with _running(BridgeProcess(
             ['--address', address, '--give-up', '--namespace', namespace],
@@ -99,14 +105,15 @@ def _running(process: BridgeProcess) -> Iterator[BridgeProcess]:
 
 class BridgeProcess:
     """
-    The program ``kachaka_bridge`` as a child process.
+    The program ``kachaka_bridge``, which connects a robot to ROS 2, as a child process.
 
-    The child runs in its own POSIX session, so that Ctrl+C in the terminal does not end the child
-    before the robot is stopped.  The child's standard input is a pipe that only the parent process
-    keeps open, so the child also ends if the parent is killed.
+    The child process runs in its own POSIX session, so Ctrl+C in the terminal does not reach it.
+    The parent process can then stop the robot before it ends the child.  The standard input of the
+    child is a pipe from the parent.  If the parent ends, even by SIGKILL, the pipe closes and the
+    child ends, too.
 
-    :param options: the command line options of the child
-    :param name: the name of the child in error messages
+    :param options: the command line options of the child process
+    :param name: the name of the child process in error messages
     """
 
     def __init__(self, options: Sequence[str], name: str = 'the simulated robot') -> None:
@@ -127,20 +134,23 @@ class BridgeProcess:
 
     @property
     def pid(self) -> int:
-        """Return the process id of the child."""
+        """Return the process id of the child process."""
         return self._process.pid
 
     @property
     def is_over(self) -> bool:
-        """Return whether the process has ended."""
+        """Return whether the child process has ended."""
         return self._process.poll() is not None
 
     @property
     def failure(self) -> ControlError:
         """
-        Return the error to raise after the process has ended.
+        Return the error that says why the child process has ended.
 
-        All calls return the same object.
+        Use this only after the process has ended.  All calls return the same object.
+
+        :returns: a ``RobotNotFoundError`` if the child process found no robot, else a
+            ``ControlError``
         """
         if self._failure is None:
             # The last line of the process may not be read yet.
@@ -154,27 +164,29 @@ class BridgeProcess:
 
     def check(self) -> None:
         """
-        Check that the process is running.
+        Raise an error if the child process has ended.
 
-        :raises ControlError: if it has ended
+        :raises ControlError: if the child process has ended; the message has its last line of
+            output
         """
         if self.is_over:
             raise self.failure
 
     def require_participant(self) -> bytes | None:
         """
-        Return the identifier of the child's DDS participant, or None if it is not known yet.
+        Return the identifier of the DDS participant of the child process.
 
-        :raises ControlError: if the process has ended
+        :returns: the identifier, or None if the child process has not printed it yet
+        :raises ControlError: if the child process has ended
         """
         self.check()
         return self.participant
 
     def wait_until_ready(self) -> None:
         """
-        Wait until the bridge is ready.
+        Wait until the child process has printed that the bridge is ready.
 
-        :raises ControlError: if the process ends, or is not ready within 20 s
+        :raises ControlError: if the child process ends, or if it is not ready within 20 s
         """
         end = time.monotonic() + START_TIMEOUT
         while not self._ready.wait(0.02):
@@ -184,9 +196,9 @@ class BridgeProcess:
 
     def end(self) -> None:
         """
-        End the process with SIGTERM, or with SIGKILL if it still runs after 2 s.
+        End the child process: send SIGTERM, and send SIGKILL if it still runs after 2 s.
 
-        This has no effect if the process has ended already.
+        If the child process has already ended, no signal is sent.
         """
         try:
             self._process.terminate()
@@ -219,11 +231,11 @@ class BridgeProcess:
 
 class OwnSimulation:
     """
-    A simulated robot for one node, in a child process.
+    A simulated Kachaka robot that a ROS node starts for itself, in a child process.
 
-    When the robot ends, a table of results is printed.
+    When the node ends the simulated robot, a table of the driven motions is printed.
 
-    :param profile: the profile of the robot that the node drives
+    :param profile: the description of the robot that the node drives; it must be a Kachaka
     :param namespace: the ROS namespace of the robot
     :raises UsageError: if the profile is not a Kachaka, or if an earlier node of the same process
         still runs a simulated robot in this namespace
@@ -247,12 +259,14 @@ class OwnSimulation:
 
     def end(self, drive_log: DriveLog, stop_confirmed_after: float | None) -> None:
         """
-        End the simulated robot, and print a table of the requested, sent and driven motions.
+        End the simulated robot, and print a table of the driven motions.
 
-        A second call has no effect.
+        For each motion, the table has the requested distance or angle, the distance or angle that
+        was sent as velocities, and the distance or angle in odometry.  No table is printed if
+        there was no motion.  A second call has no effect.
 
-        :param drive_log: the log of the drive, the source of the table
-        :param stop_confirmed_after: the time from the start of the stop to the standstill in
+        :param drive_log: the record of the drive, from which the table is made
+        :param stop_confirmed_after: the time between the start of the stop and standstill in
             odometry [s]; None if odometry did not show a standstill
         """
         bridge, self._bridge = self._bridge, None

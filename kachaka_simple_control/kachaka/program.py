@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Common code of the commands for a Kachaka: the address, the options and the exit code."""
+"""
+Code that the command line programs for a Kachaka robot share.
+
+It parses the address of a robot and the options of a simulated robot, and converts errors to exit
+codes.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +47,7 @@ SIMULATION_NAMES = ('docked', 'seed', *(figure.name for figure in fields(Simulat
 @dataclass(frozen=True)
 class Address:
     """
-    The address of a robot's gRPC service.
+    The network address of a robot's gRPC service.
 
     :param host: the host name or IP address
     :param port: the TCP port
@@ -54,10 +59,12 @@ class Address:
     @classmethod
     def parse(cls, text: str) -> Address:
         """
-        Parse an address.
+        Convert a text to the network address of a robot.
 
-        :param text: ``HOST`` or ``HOST:PORT``; an IPv6 address with a port needs brackets
-        :raises ValueError: if the text is not an address; the message has one line
+        :param text: ``HOST`` or ``HOST:PORT``; an IPv6 address must be in brackets if a port
+            follows
+        :returns: the address
+        :raises ValueError: if the text is not a valid address; the error message has one line
         """
         host, port = _split_address(text.strip())
         if len(text) > MAX_ADDRESS_LENGTH or not text.isprintable():
@@ -73,7 +80,7 @@ class Address:
         return cls(host, int(port))
 
     def __str__(self) -> str:
-        """Return the address as text in the form that gRPC expects."""
+        """Return the address as ``HOST:PORT`` for gRPC, with brackets around an IPv6 address."""
         host = f'[{self.host}]' if ':' in self.host else self.host
         return f'{host}:{self.port}'
 
@@ -91,9 +98,13 @@ def _split_address(text: str) -> tuple[str, str]:
 
 def address_argument(text: str) -> Address:
     """
-    Return the address from a command line argument.
+    Convert a command line argument to the network address of a robot.
 
-    :raises argparse.ArgumentTypeError: if the argument is not an address
+    argparse calls this function as the type of an option.
+
+    :param text: the argument, ``HOST`` or ``HOST:PORT``
+    :returns: the address
+    :raises argparse.ArgumentTypeError: if the argument is not a valid address
     """
     try:
         return Address.parse(text)
@@ -103,12 +114,12 @@ def address_argument(text: str) -> Address:
 
 def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> None:
     """
-    Add the command line options of a simulated robot.
+    Add the command line options of a simulated robot to an argparse parser.
 
-    An option that the user does not give has the value None.
+    After parsing, an option that the user has not given has the value None.
 
-    :param parser: the parser, or a group of its options
-    :param robot: the name of the robot in the help text
+    :param parser: the parser, or an argument group of a parser
+    :param robot: the name of the robot in the help text, for example ``the robot``
     """
     add = parser.add_argument
     add('--docked', action='store_true', default=None,
@@ -120,16 +131,24 @@ def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> No
 
 
 def add_parent_option(parser: argparse.ArgumentParser) -> None:
-    """Add the option ``--with-parent``, which ends the program when standard input closes."""
+    """
+    Add the option ``--with-parent`` to an argparse parser.
+
+    A program with this option ends when its standard input closes, which happens when its parent
+    process has ended.
+    """
     parser.add_argument(
         '--with-parent', action='store_true', help='end when standard input does')
 
 
 def simulation_words(options: Mapping[str, object]) -> tuple[str, ...]:
     """
-    Return the options of a simulated robot that the user gave, as command line arguments.
+    Convert the parsed options of a simulated robot back to command line arguments.
+
+    Options that the user has not given, with the value None, are left out.
 
     :param options: the values of the parsed options, by name
+    :returns: the arguments, for example ``--docked`` and ``--lag=0.1``
     """
     return tuple(
         f"--{name.replace('_', '-')}" + ('' if options[name] is True else f'={options[name]}')
@@ -139,12 +158,13 @@ def simulation_words(options: Mapping[str, object]) -> tuple[str, ...]:
 def simulation_parameters(
         parser: argparse.ArgumentParser, options: argparse.Namespace) -> SimulationParameters:
     """
-    Return the simulation parameters that the options give.
+    Return the parameters of the simulated robot from the parsed command line options.
 
-    If a value is invalid, print an error message and end the program, as argparse does.
+    An option that the user has not given has its default value.  If a value is invalid, print an
+    error message and end the program, as argparse does.
 
-    :param parser: the parser
-    :param options: the parsed options
+    :param parser: the argparse parser, which ends the program in case of an error
+    :param options: the options that this parser has returned
     """
     try:
         return SimulationParameters(
@@ -156,10 +176,10 @@ def simulation_parameters(
 
 class ExitError(Exception):
     """
-    An exception that ends the program with an exit code and a message.
+    An exception that ends the program with an exit code and an error message.
 
     :param code: the exit code
-    :param text: the reason, for the user
+    :param text: the error message for the user
     """
 
     def __init__(self, code: int, text: object) -> None:
@@ -169,12 +189,14 @@ class ExitError(Exception):
 
 def run_until_shutdown(program: str, body: Callable[[ShutdownEvent], None]) -> int:
     """
-    Run the main part of a program, and return the exit code.
+    Run the main function of a program, and return the exit code.
 
-    If the main part raises an ``ExitError``, print its text in one line on standard error.
+    Signals such as SIGINT and SIGTERM do not interrupt the main function.  They only set an event,
+    for which the main function must wait.  If the main function raises an ``ExitError``, its
+    message is printed in one line on standard error.
 
-    :param program: the name of the program
-    :param body: the main part, called with an event that is set when a signal ends the program
+    :param program: the name of the program, which starts the error message
+    :param body: the main function; its argument is the event
     :returns: the exit code: 0, or the code of the ``ExitError``
     """
     with ShutdownEvent() as shutdown:

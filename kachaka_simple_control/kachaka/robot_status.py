@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Error codes of a Kachaka, results of gRPC calls, the connection state, and diagnostics."""
+"""
+Error codes of a Kachaka robot, results of gRPC calls to it, and its diagnostics.
+
+The module also finds out from the results of the calls whether the connection to the robot is
+lost.
+"""
 
 from __future__ import annotations
 
@@ -63,13 +68,13 @@ LEVELS = {'Ignore': Level.OK, 'Warn': Level.WARN}
 @dataclass(frozen=True)
 class ErrorText:
     """
-    The title, description and level of an error code.
+    The name, the explanation and the severity of one error code of the robot.
 
-    Title and description are empty if the code is unknown.
+    For an unknown error code, the title and the description are empty.
 
     :param title: the name of the error
-    :param description: details
-    :param level: the severity level
+    :param description: the explanation of the error
+    :param level: the severity: OK, warning or error
     """
 
     title: str
@@ -79,21 +84,27 @@ class ErrorText:
 
 class ErrorTexts:
     """
-    The error texts of the robot, by error code.
+    The names and explanations of the robot's error codes.
 
-    :param text: the response of the gRPC call GetRobotErrorCodeJson, a JSON list of objects.
-        Invalid text counts as an empty list, because a robot without error texts can still drive
+    :param text: a JSON list with one object for each error code, from the response to the gRPC
+        call GetRobotErrorCodeJson.  Invalid JSON counts as an empty list and is no error, because
+        a robot without these texts can still drive
     """
 
     def __init__(self, text: str = '') -> None:
         self._texts = dict(_entries(text))
 
     def find(self, code: int) -> ErrorText:
-        """Return the text of an error code, or an empty text if the code is unknown."""
+        """
+        Return the name, explanation and severity of an error code.
+
+        :param code: the error code
+        :returns: these three; the name and the explanation are empty if the code is unknown
+        """
         return self._texts.get(code, ErrorText(''))
 
     def describe(self, code: int) -> str:
-        """Return an error as one line: its code, and its title and description if known."""
+        """Return the code of an error, and its name and explanation if known, as one line."""
         known = self.find(code)
         text = '. '.join(filter(None, (known.title, known.description)))
         return f'error {code} ({text})' if text else f'error {code}'
@@ -112,7 +123,13 @@ def _entries(text: str) -> Iterator[tuple[int, ErrorText]]:
 
 
 def _one_line(entry: dict[str, Any], key: str) -> str:
-    """Return a text of a JSON entry as one line, in English if the entry has English text."""
+    """
+    Return a text of a JSON object as one line, in English if there is an English text.
+
+    :param entry: the JSON object
+    :param key: the key of the text; the key of the English text has the suffix ``_en``
+    :returns: the text without the full stop at its end; empty if the object has no such text
+    """
     value = entry.get(f'{key}_en') or entry.get(key) or ''
     return escaped(' '.join(str(value).split()).rstrip('.'))
 
@@ -123,7 +140,12 @@ SLOW_RESPONSE = 0.15
 
 
 class RpcFailure(Enum):
-    """The reasons for a missing or failed response."""
+    """
+    The reasons why a gRPC call to the robot has no usable response.
+
+    There are three: the robot did not respond in time, there is no connection, or the robot
+    responded that it does not know the call or cannot execute it.
+    """
 
     #: no response before the deadline; the robot may still execute the call
     LATE = 'late'
@@ -136,11 +158,13 @@ class RpcFailure(Enum):
 @dataclass(frozen=True)
 class RpcResult:
     """
-    The result of one gRPC call: the code from the robot, or the reason why there is no code.
+    The result of one gRPC call to the robot.
+
+    The result has either the code in the robot's response, or the reason why there is no code.
 
     :param code: 0 for success, else the robot's error code; None if the call failed
     :param failure: the reason why the call failed; None if there is a code
-    :param text: the same reason as text for the user
+    :param text: the reason for the failure, as text for the user; empty if there is a code
     """
 
     code: int | None = None
@@ -149,17 +173,22 @@ class RpcResult:
 
     @property
     def is_success(self) -> bool:
-        """Return whether the robot executed the call without an error."""
+        """Return whether the robot executed the call and reported no error."""
         return self.code == SUCCESS
 
     @property
     def got_response(self) -> bool:
-        """Return whether the robot responded, with or without an error."""
+        """Return whether the robot responded, even if it reported an error."""
         return self.failure in (None, RpcFailure.FAILED)
 
 
 class ConnectionEvent(Enum):
-    """A change of the connection to the robot."""
+    """
+    A change of the connection to the robot.
+
+    ``FOUND`` is the first connection, ``LOST`` is the loss of the connection, and ``BACK`` is a
+    connection after a loss.
+    """
 
     FOUND = 'found'
     LOST = 'lost'
@@ -167,7 +196,7 @@ class ConnectionEvent(Enum):
 
 
 class ConnectionState:
-    """The state of the connection to the robot, computed from the results of gRPC calls."""
+    """Detects from the results of gRPC calls whether the connection to the robot is up or lost."""
 
     def __init__(self) -> None:
         self.is_up = False
@@ -182,12 +211,15 @@ class ConnectionState:
 
     def on_result(self, result: RpcResult, begun: float, now: float) -> ConnectionEvent | None:
         """
-        Update the state with the result of a call, and return the change of the connection.
+        Detect from the result of a gRPC call whether the connection to the robot has changed.
+
+        Any response of the robot means that the connection is up.  The connection is lost if a
+        call finds no connection, or if calls get no response for 1 s.
 
         :param result: the result of the call
         :param begun: the start time of the call [s, steady clock]
-        :param now: the time [s, steady clock]
-        :returns: the change; None if the connection has not changed
+        :param now: the current time [s, steady clock]
+        :returns: whether the connection is found, lost or back; None if it has not changed
         """
         if result.got_response:
             self._failing_since, self._last_response = None, now
@@ -210,13 +242,17 @@ def connection_status(
         connection: ConnectionState, address: str, round_trip: float, dropped: int,
         now: float) -> Diagnosis:
     """
-    Return the diagnosis of the connection.
+    Return a diagnosis of the connection to the robot, for ROS diagnostics.
 
-    :param connection: the state of the connection
-    :param address: the address of the robot
-    :param round_trip: the duration of the last velocity call [s]; NaN if there was none
+    Its level is an error if the connection is lost, and a warning if the last velocity call took
+    more than 0.15 s.
+
+    :param connection: whether the connection is lost, since when and why
+    :param address: the network address of the robot
+    :param round_trip: the duration of the last gRPC call that sent a velocity [s]; NaN if there
+        was none
     :param dropped: the number of velocities that were dropped before they were sent
-    :param now: the time [s, steady clock]
+    :param now: the current time [s, steady clock]
     """
     values = {'address': address, 'times lost': str(connection.losses),
               'velocities dropped': str(dropped)}
@@ -234,11 +270,12 @@ def connection_status(
 def robot_status(
         connection: ConnectionState, codes: Sequence[int], texts: ErrorTexts) -> Diagnosis:
     """
-    Return the diagnosis of the errors that the robot reports.
+    Return a diagnosis of the errors that the robot reports, for ROS diagnostics.
 
-    :param connection: the state of the connection; if it is lost, the errors are unknown
-    :param codes: the codes of the robot's current errors
-    :param texts: the texts of the error codes
+    :param connection: whether the connection to the robot is lost; if it is lost, the diagnosis
+        says that the errors are unknown
+    :param codes: the codes of the errors that the robot reports now
+    :param texts: the names and explanations of the error codes
     """
     if not connection.is_up:
         return Diagnosis(Level.ERROR, 'unknown: the link is lost', {})

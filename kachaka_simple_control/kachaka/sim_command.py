@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The command ``kachaka_sim``: a simulated robot with a gRPC server."""
+"""The command ``kachaka_sim``, which runs a simulated Kachaka robot with a gRPC server."""
 
 from __future__ import annotations
 
@@ -46,11 +46,12 @@ POWER_BUTTON_SIGNAL = signal.SIGUSR1
 @contextlib.contextmanager
 def power_button(press: Callable[[], None]) -> Iterator[None]:
     """
-    Call a function for each power button signal that is received during a ``with`` block.
+    Call a function each time that the process receives SIGUSR1, during a ``with`` block.
 
-    ``POWER_BUTTON_SIGNAL`` must be blocked in all threads, so that ``sigwait()`` receives it.
+    This signal stands for the power button of the simulated robot.  It must be blocked in all
+    threads, because a separate thread receives it with ``sigwait()``.
 
-    :param press: the function, called in a separate thread
+    :param press: the function, which has no arguments; the separate thread calls it
     """
     is_over = threading.Event()
 
@@ -71,10 +72,10 @@ def power_button(press: Callable[[], None]) -> Iterator[None]:
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Run the simulated robot until a signal ends the program.
+    Run a simulated robot with a gRPC server until a signal ends the program.
 
-    :param args: the arguments without the program's name; default: the command line
-    :returns: the exit code
+    :param args: the command line arguments without the program's name; default: ``sys.argv[1:]``
+    :returns: the exit code of the program
     """
     # Block the signal before the first thread starts, so that all threads block it.  Do not set a
     # handler for it, because ShutdownEvent ends the program at each handled signal.
