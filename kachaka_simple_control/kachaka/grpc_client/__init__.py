@@ -11,4 +11,8 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The client of the real robot: gRPC calls, their order and timing, and the responses."""
+"""
+The gRPC client of a real Kachaka robot.
+
+It sends velocities to the robot, and reads the robot's odometry and errors.
+"""

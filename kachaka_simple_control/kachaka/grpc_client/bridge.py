@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The bridge node of a real robot, and the conversion of its odometry to ROS messages."""
+"""
+The ROS 2 node for a real Kachaka robot, which the node controls over gRPC.
+
+The module also converts the robot's odometry to ROS messages.
+"""
 
 from __future__ import annotations
 
@@ -49,11 +53,12 @@ BILLION = 1_000_000_000
 
 def odometry(source: Any, now: Time, frame_prefix: str) -> Odometry:
     """
-    Convert the robot's odometry to a ROS message.
+    Convert an odometry message of the robot's SDK to a ROS message.
 
-    :param source: the robot's odometry, a RosOdometry message of the SDK
-    :param now: the time stamp to use if the robot's odometry has no time stamp
-    :param frame_prefix: the prefix of the frame names; no separator is added
+    :param source: the message of the SDK, a RosOdometry
+    :param now: the time stamp for the ROS message if the message of the SDK has no time stamp
+    :param frame_prefix: a text before the frame names; no separator is added
+    :returns: the ROS message
     """
     message = Odometry()
     nanoseconds = source.header.stamp_nsec
@@ -79,18 +84,19 @@ def _copy(source: Any, target: Any, names: str) -> None:
 
 class GrpcBridge(BridgeNode):
     """
-    The bridge node of a real robot, driven over gRPC.
+    The ROS 2 node for a real robot, which the node controls over gRPC.
 
-    One executor, which has its own thread, receives the velocities.  A second executor serves the
-    rest of the node, for example the service.  Odometry and diagnostics are published by the
-    threads that poll the robot.
+    The node uses several threads.  One thread only receives velocities.  A second thread runs all
+    other ROS callbacks of the node, for example that of the service.  Further threads get odometry
+    and errors from the robot, and publish them as odometry and diagnostics.
 
     :param robot: the connected robot
-    :param namespace: the namespace of the topics and the service
-    :param frame_prefix: the prefix of the frame names; no separator is added
-    :param give_up: called with the reason when a motion is aborted
-    :param on_conflict: called if another bridge with the same topic names is discovered later,
-        with a description of that bridge
+    :param namespace: the ROS namespace of the topics and the service
+    :param frame_prefix: a text before the frame names in odometry; no separator is added
+    :param give_up: called with the reason if a motion is aborted, because the robot refuses to
+        move or does not respond
+    :param on_conflict: called if another bridge that uses the same topic names is discovered after
+        this node was created; its argument is a text that describes the other bridge
     :raises RobotTakenError: if another bridge already uses the same topic names
     """
 
@@ -116,20 +122,31 @@ class GrpcBridge(BridgeNode):
             poller.start()
 
     def executors(self) -> list[ExecutorLoop]:
-        """Return the executors of the node; the caller runs each of them in its own thread."""
+        """
+        Return two executors: one for received velocities, and one for all other callbacks.
+
+        The caller must run each executor in a thread of its own.
+        """
         return [
             SubscriptionExecutor(self, self._subscription, self.on_velocity), *super().executors()]
 
     @property
     def summary(self) -> str:
-        """Return the robot, its address, the topics and the service as text, in one line."""
+        """
+        Return one line of text for the log about the robot and the node.
+
+        It has the robot's serial number, software release and network address, and the names of
+        the node's topics and service.
+        """
         return f'{self._robot.identity} at {self._robot.address}: {super().summary}'
 
     def drive(self, velocity: Velocity, now: float) -> None:
         """
         Queue a velocity for the robot, and return at once.
 
-        A velocity that is infinite or NaN is not sent, but a warning is logged.
+        :param velocity: the velocity; if it is infinite or NaN, it is not sent, and a warning is
+            logged
+        :param now: the time at which the velocity was received [s, steady clock]
         """
         try:
             command = velocity_command(velocity, KACHAKA.limits, now)
@@ -140,16 +157,22 @@ class GrpcBridge(BridgeNode):
 
     def set_manual_control(self, enabled: bool) -> str:
         """
-        Switch manual control on or off.
+        Switch manual control, the mode in which the robot follows velocities, on or off.
 
-        :param enabled: whether to switch manual control on
-        :returns: the reason if the call fails, else an empty text
+        :param enabled: true to switch manual control on, false to switch it off
+        :returns: an empty text for success; else the reason for the failure
         """
         result = self._driver.set_manual_control(enabled)
         return '' if result.is_success else self._driver.describe(result) or 'no reason given'
 
     def close(self) -> None:
-        """Stop the robot, switch off manual control and end all threads, within a limited time."""
+        """
+        Stop the robot if it may be moving, disconnect from it, and end all threads of the node.
+
+        Manual control, the mode in which the robot follows velocities, is switched off if the node
+        has switched it on.  Each wait for the robot or for a thread has a time limit, so this
+        method also returns if the robot does not respond.
+        """
         for poller in self._pollers:
             poller.stop()
         # Close the driver first; this also cancels the calls of the other threads.

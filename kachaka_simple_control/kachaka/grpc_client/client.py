@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The gRPC calls to a real robot, and ``connect()``.
+The gRPC calls to a real Kachaka robot, and the function that connects to the robot.
 
-In this folder, only this module imports the robot's SDK.
+This is the only module in its folder that imports the robot's SDK.
 """
 
 from __future__ import annotations
@@ -63,10 +63,11 @@ class RobotClient:
     """
     One gRPC connection to a robot.
 
-    The class is thread-safe.  The ``deadline`` of each method is the longest time for the robot to
-    respond [s].
+    Several threads may use the object at the same time.  Each method waits until the robot has
+    responded to its gRPC call, at most for the time ``deadline`` [s].  If a call fails, the method
+    raises no error; the returned ``RpcResult`` has the reason.
 
-    :param address: the address of the robot; the connection is opened by the first call
+    :param address: the network address of the robot; the connection is opened by the first call
     """
 
     def __init__(self, address: Address) -> None:
@@ -74,42 +75,62 @@ class RobotClient:
         self._stub = KachakaApiStub(self._channel)
 
     def close(self) -> None:
-        """Close the connection and cancel all calls in progress."""
+        """Close the connection, and cancel all gRPC calls that are in progress."""
         self._channel.close()
 
     def set_velocity(self, linear: float, angular: float, deadline: float) -> RpcResult:
         """
-        Send a velocity to the robot.
+        Send a velocity to the robot, and wait for its response.
 
-        :param linear: the forward velocity as a fraction of the largest one, -1 to 1
-        :param angular: the turning velocity as a fraction of the largest one, -1 to 1,
-            counter-clockwise positive
-        :param deadline: the longest time for the robot to respond [s]
+        :param linear: the forward velocity as a fraction of the robot's largest forward velocity,
+            -1 to 1
+        :param angular: the turning velocity as a fraction of the robot's largest turning velocity,
+            -1 to 1, counter-clockwise positive
+        :param deadline: the longest time to wait for the response [s]
+        :returns: the result of the gRPC call
         """
         request = pb2.SetRobotVelocityRequest(linear=linear, angular=angular)
         return _call(self._stub.SetRobotVelocity, request, deadline)[0]
 
     def set_manual_control(self, enabled: bool, deadline: float) -> RpcResult:
-        """Switch manual control on or off, and return the result of the call."""
+        """
+        Switch manual control, the mode in which the robot follows velocities, on or off.
+
+        :param enabled: true to switch manual control on, false to switch it off
+        :param deadline: the longest time to wait for the robot's response [s]
+        :returns: the result of the gRPC call
+        """
         request = pb2.SetManualControlEnabledRequest(enable=enabled)
         return _call(self._stub.SetManualControlEnabled, request, deadline)[0]
 
     def errors(self, deadline: float) -> tuple[RpcResult, list[int]]:
-        """Return the result of the call, and the codes of the robot's current errors."""
+        """
+        Ask the robot for the codes of its current errors.
+
+        :param deadline: the longest time to wait for the robot's response [s]
+        :returns: the result of the gRPC call, and the error codes; no codes if the call failed
+        """
         result, response = _call(self._stub.GetError, pb2.GetRequest(), deadline)
         return result, [] if response is None else list(response.error_codes)
 
     def error_texts(self, deadline: float) -> tuple[RpcResult, str]:
-        """Return the result of the call, and the robot's error texts, which are normally JSON."""
+        """
+        Ask the robot for the names and explanations of all its error codes.
+
+        :param deadline: the longest time to wait for the robot's response [s]
+        :returns: the result of the gRPC call, and the robot's text, which is normally JSON; an
+            empty text if the call failed
+        """
         result, response = _call(self._stub.GetRobotErrorCodeJson, pb2.EmptyRequest(), deadline)
         return result, '' if response is None else str(response.json)
 
     def identity(self, deadline: float) -> tuple[RpcResult, str]:
         """
-        Return a result, and a text with the robot's serial number and software release.
+        Ask the robot for its serial number and its software release, with two gRPC calls.
 
-        This makes two calls.  If one of them fails, the result is that of the failed call, and the
-        text is empty.
+        :param deadline: the longest time to wait for each of the two responses [s]
+        :returns: the result of the last call that was made, and one text with the serial number
+            and the software release; an empty text if a call failed
         """
         result, serial = _call(self._stub.GetRobotSerialNumber, pb2.GetRequest(), deadline)
         if serial is None:
@@ -122,18 +143,31 @@ class RobotClient:
 
     def odometry(self, cursor: int, deadline: float) -> tuple[RpcResult, Any]:
         """
-        Wait for odometry that is newer than a cursor, and return it.
+        Wait until the robot has new odometry, and return the response with this odometry.
 
-        A cursor is a number in each response, which identifies the odometry of this response.
+        Each odometry message of the robot has a cursor, a number that identifies the message.
 
-        :param cursor: the cursor of the last response; 0 to get the newest odometry at once
-        :param deadline: the longest time to wait [s]
-        :returns: the result, and a GetRosOdometryResponse, or None if the call failed
+        :param cursor: the cursor of the last message that the caller has received; 0 to get the
+            newest odometry at once
+        :param deadline: the longest time to wait for new odometry [s]
+        :returns: the result of the gRPC call, and the response, a GetRosOdometryResponse of the
+            SDK; None as the response if the call failed
         """
         return _call(self._stub.GetRosOdometry, _newer_than(cursor), deadline)
 
     def wheel_odometry(self, cursor: int, deadline: float) -> tuple[RpcResult, Any]:
-        """Wait for wheel odometry that is newer than a cursor, like ``odometry()``."""
+        """
+        Wait until the robot has new wheel odometry, and return the response with it.
+
+        Each wheel odometry message of the robot has a cursor, a number that identifies the
+        message.
+
+        :param cursor: the cursor of the last message that the caller has received; 0 to get the
+            newest wheel odometry at once
+        :param deadline: the longest time to wait for new wheel odometry [s]
+        :returns: the result of the gRPC call, and the response, a GetRosWheelOdometryResponse of
+            the SDK; None as the response if the call failed
+        """
         return _call(self._stub.GetRosWheelOdometry, _newer_than(cursor), deadline)
 
 
@@ -142,7 +176,14 @@ def _newer_than(cursor: int) -> pb2.GetRequest:
 
 
 def _call(method: Callable[..., Any], request: Any, deadline: float) -> tuple[RpcResult, Any]:
-    """Make a gRPC call, and return its result and the response, or None if the call failed."""
+    """
+    Make a gRPC call, and wait for the response of the robot.
+
+    :param method: the method of the gRPC stub for this call
+    :param request: the request message
+    :param deadline: the longest time to wait for the response [s]
+    :returns: the result of the call, and the response message, or None if the call failed
+    """
     try:
         response = method(request, timeout=deadline)
     except grpc.RpcError as error:
@@ -169,12 +210,12 @@ def _failure(error: Any, deadline: float) -> RpcResult:
 @dataclass(frozen=True)
 class ConnectedRobot:
     """
-    A robot that has responded.
+    A robot that has responded to the first gRPC calls.
 
-    :param address: the address of the robot
-    :param client: the client for calls to the robot
-    :param identity: the serial number and the software release
-    :param texts: the error texts of the robot; may be empty
+    :param address: the network address of the robot
+    :param client: the object that makes gRPC calls to the robot
+    :param identity: a text with the robot's serial number and software release
+    :param texts: the names and explanations of the robot's error codes; may be empty
     """
 
     address: Address
@@ -185,9 +226,10 @@ class ConnectedRobot:
 
 def connect(address: Address) -> ConnectedRobot:
     """
-    Connect to a robot and identify it.
+    Connect to a robot, and read its serial number, software release and error texts.
 
-    :param address: the address of the robot
+    :param address: the network address of the robot
+    :returns: the connected robot
     :raises RobotNotFoundError: if no robot responds; the error message has advice for the user
     """
     _check_reachable(address, CONNECT_TIMEOUT)
@@ -202,11 +244,14 @@ def connect(address: Address) -> ConnectedRobot:
 
 def _check_reachable(address: Address, timeout: float) -> None:
     """
-    Check that a TCP connection to an address can be opened, and close it again.
+    Check that a TCP connection to an address can be opened.
 
-    :param address: the address
-    :param timeout: the longest time to try [s]
-    :raises RobotNotFoundError: if the connection fails
+    The connection is closed again at once.
+
+    :param address: the network address of the robot
+    :param timeout: the longest time to wait for the connection [s]
+    :raises RobotNotFoundError: if the connection cannot be opened; the error message has advice
+        for the user
     """
     try:
         with socket.create_connection((address.host, address.port), timeout):

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Decide which gRPC call to make next: stops first, then only the newest velocity command."""
+"""
+Decide which gRPC call to the robot to make next.
+
+A stop is sent before any other velocity.  If several velocities wait, only the newest one is sent.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +42,11 @@ from kachaka_simple_control.motion.limits import Limits
 @dataclass(frozen=True)
 class VelocityCommand:
     """
-    A velocity command, as fractions of the robot's largest velocities.
+    A velocity for the robot, as fractions of its largest forward and turning velocities.
 
     :param linear: forward velocity, -1 to 1, negative backwards
     :param angular: turning velocity, -1 to 1, counter-clockwise positive
-    :param time: the time at which the command was received [s, steady clock]
+    :param time: the time at which the velocity was received [s, steady clock]
     """
 
     linear: float
@@ -51,18 +55,19 @@ class VelocityCommand:
 
     @property
     def is_stop(self) -> bool:
-        """Return whether both velocities are zero."""
+        """Return whether the command stops the robot, because both velocities are zero."""
         return self.linear == 0.0 and self.angular == 0.0
 
 
 def velocity_command(velocity: Velocity, limits: Limits, now: float) -> VelocityCommand:
     """
-    Return a velocity as a command, clipped to the limits.
+    Convert a velocity to a command for the robot, and clip it to the robot's limits.
 
-    :param velocity: the velocity
-    :param limits: the limits of the robot
+    :param velocity: the velocity [m/s, rad/s]
+    :param limits: the largest velocities of the robot
     :param now: the time at which the velocity was received [s, steady clock]
-    :raises ValueError: if the velocity is not finite; the error message has one line
+    :returns: the command, with each velocity as a fraction of its limit, -1 to 1
+    :raises ValueError: if the velocity is infinite or NaN; the error message has one line
     """
     if not (math.isfinite(velocity.linear_x) and math.isfinite(velocity.angular_z)):
         raise ValueError(
@@ -77,8 +82,9 @@ class StreamTimeout:
     """
     A timeout that detects when a publisher no longer sends velocities.
 
-    It applies only after two or more velocities, and only if none of the gaps between them was
-    longer than ``MAX_STREAM_PERIOD``.
+    The timeout is active only while velocities come regularly: at least two velocities were
+    received since the last zero velocity, and each gap between two successive ones was at most
+    0.15 s.  The timeout expires 0.25 s after the last velocity.
     """
 
     def __init__(self) -> None:
@@ -87,10 +93,11 @@ class StreamTimeout:
 
     def on_command(self, is_stop: bool, now: float) -> None:
         """
-        Update the timeout with a command.
+        Start the timeout again, because a velocity command was received.
 
-        :param is_stop: whether the command is a stop, which resets the timeout
-        :param now: the time [s, steady clock]
+        :param is_stop: whether the command is a zero velocity.  A zero velocity switches the
+            timeout off until two other velocities have been received
+        :param now: the time at which the command was received [s, steady clock]
         """
         if is_stop:
             self._last = self._longest = None
@@ -101,13 +108,25 @@ class StreamTimeout:
 
     @property
     def end(self) -> float | None:
-        """Return the time at which the timeout expires [s], or None if it does not apply."""
+        """
+        Return the time at which the timeout expires [s, steady clock], or None.
+
+        None means that the timeout is not active, because too few velocities were received, or
+        velocities with gaps that are too long.
+        """
         if self._last is None or self._longest is None or self._longest > MAX_STREAM_PERIOD:
             return None
         return self._last + STREAM_TIMEOUT
 
     def has_expired(self, now: float) -> bool:
-        """Return whether the timeout has expired, and reset it if it has."""
+        """
+        Return whether the timeout has expired.
+
+        If the timeout has expired, it is switched off until two more velocities have been
+        received.
+
+        :param now: the current time [s, steady clock]
+        """
         if self.end is None or now < self.end:
             return False
         self._last = self._longest = None
@@ -116,13 +135,14 @@ class StreamTimeout:
 
 class LatestCommand:
     """
-    Stores the newest motion command until it can be sent, and whether a stop is pending.
+    Stores what to send to the robot next: at most one stop and one motion.
 
-    A newer motion replaces an older one, so motions do not queue up if the robot is slow.  A stop
-    removes the stored motion, and is pending until ``take_stop()``.  A motion that comes while a
-    stop is pending is stored, and can be sent after the stop.
+    A motion is a command with a velocity that is not zero.  A newer motion replaces the stored
+    motion, so motions do not queue up if the robot is slow.  A stop removes the stored motion.  A
+    motion that comes after a stop is stored, but can be taken only after the stop was taken.
 
-    :param max_age: the largest age of a motion that may still be sent [s]; older ones are dropped
+    :param max_age: the largest age of a motion that may still be sent [s]; older motions are
+        dropped
     """
 
     def __init__(self, max_age: float) -> None:
@@ -135,7 +155,14 @@ class LatestCommand:
         self.dropped = 0
 
     def put(self, command: VelocityCommand) -> None:
-        """Store a new command instead of the old one."""
+        """
+        Store a new velocity command for the robot.
+
+        A command that is not zero replaces the stored command.  A zero velocity removes the stored
+        command, and a stop must then be sent next.
+
+        :param command: the new command
+        """
         if command.is_stop:
             self.request_stop()
             return
@@ -143,33 +170,61 @@ class LatestCommand:
         self._newest = self._motion = command
 
     def requeue(self, command: VelocityCommand) -> None:
-        """Store a refused motion again, unless a newer command has come."""
+        """
+        Store a velocity command again that the robot has refused, so that it is sent once more.
+
+        :param command: the command; it is not stored if a newer command has been received, or if
+            ``clear()`` was called after it was received
+        """
         if command is self._newest:
             self._motion = command
 
     def request_stop(self) -> None:
-        """Drop the stored motion, if there is one, and make a stop pending."""
+        """Drop the stored velocity command, and store that a stop must be sent first."""
         self.clear()
         self.stop_pending = True
 
     def clear(self) -> None:
-        """Drop the stored motion, so that ``requeue()`` cannot restore it."""
+        """
+        Drop the stored velocity command.
+
+        After this, ``requeue()`` ignores all commands that were received before.
+        """
         self.dropped += self._motion is not None
         self._newest = self._motion = None
 
     def take_stop(self) -> bool:
-        """Return whether a stop is pending, and remove the pending stop."""
+        """
+        Return whether a stop, which is a zero velocity, must be sent now.
+
+        The caller must then send the stop.  Further calls return false until the next stop is
+        requested.
+        """
         was_pending, self.stop_pending = self.stop_pending, False
         return was_pending
 
     def has_motion(self, now: float) -> bool:
-        """Drop the stored motion if it is too old, and return whether a motion may be sent now."""
+        """
+        Return whether a velocity command is stored that may be sent now.
+
+        No stored command may be sent before a requested stop has been sent.  If the stored command
+        is too old, it is dropped.
+
+        :param now: the current time [s, steady clock]
+        """
         if self._motion is not None and now - self._motion.time > self._max_age:
             self.clear()
         return self._motion is not None and not self.stop_pending
 
     def take_motion(self, now: float) -> VelocityCommand | None:
-        """Remove and return the motion that may be sent now, or return None."""
+        """
+        Remove and return the stored velocity command, or return None if it may not be sent now.
+
+        None is also returned if no command is stored.  The stored command may not be sent if it is
+        too old, or if a requested stop must be sent first.
+
+        :param now: the current time [s, steady clock]
+        """
         if not self.has_motion(now):
             return None
         motion, self._motion = self._motion, None
@@ -177,7 +232,12 @@ class LatestCommand:
 
 
 class RpcKind(Enum):
-    """The kind of a gRPC call: a motion, a stop, or a call that enables manual control."""
+    """
+    The kind of a gRPC call: a motion, a stop, or a call that enables manual control.
+
+    A motion is a velocity that is not zero, and a stop is a zero velocity.  Manual control is the
+    mode in which the robot follows velocities.
+    """
 
     MOTION = 'motion'
     STOP = 'stop'
@@ -188,11 +248,12 @@ class RpcKind(Enum):
 @dataclass(frozen=True, eq=False)
 class RpcRequest:
     """
-    A gRPC call to make now.
+    A gRPC call to the robot that must be made now.
 
-    :param kind: the kind of the call
-    :param command: the velocity command of a motion or a stop; None for ``ENABLE``
-    :param deadline: the longest time for the robot to respond [s]
+    :param kind: whether the call sends a velocity that is not zero, sends a zero velocity, or
+        enables manual control, the mode in which the robot follows velocities
+    :param command: the velocity to send; None for a call that enables manual control
+    :param deadline: the longest time to wait for the robot's response [s]
     """
 
     kind: RpcKind
@@ -202,18 +263,21 @@ class RpcRequest:
 
 class CommandArbiter:
     """
-    Converts received commands to gRPC calls, with one motion call at a time.
+    Decides which gRPC calls to make for the velocities that are received.
 
-    A motion is sent when no other call is in progress.  A stop is sent at once, even if a motion
-    call is in progress.  The stop is then sent again after the motion call, because the robot may
-    have received the motion after the first stop.
+    The class makes no calls itself: ``next_request()`` returns a call, and ``on_response()`` gets
+    its result.  A motion, which is a velocity that is not zero, is sent only when no other call is
+    in progress.  A stop is sent at once, even if a motion call is in progress.  The stop is then
+    sent again after the motion call, unless a newer motion waits, because the robot may have
+    received the motion after the first stop.
 
-    A fault is a lost connection, a refused call, three late responses in a row, or a suspension of
-    the process.  After a fault, motions are blocked until the publisher sends a zero velocity, or
-    nothing for 1 s.  A motion that is refused because manual control is off is not a fault:
-    manual control is enabled, and the motion is sent again.
+    After a fault, motions are blocked until the publisher of the velocities sends a zero velocity,
+    or nothing for 1 s.  A fault is a lost connection, a refused call, three late responses in a
+    row, or a suspension of this process.  If a motion is refused because manual control, the mode
+    in which the robot follows velocities, is off, this is not a fault: manual control is enabled,
+    and the motion is sent again.
 
-    :param command_timeout: how long the robot keeps a velocity without a new one [s]
+    :param command_timeout: how long the robot follows a velocity if it receives no new one [s]
     """
 
     def __init__(self, command_timeout: float) -> None:
@@ -233,7 +297,12 @@ class CommandArbiter:
 
     @property
     def dropped(self) -> int:
-        """Return the number of motions that were replaced, removed by a stop, or too old."""
+        """
+        Return the number of velocity commands that were dropped before they were sent.
+
+        A command is dropped if a newer command replaces it, if a stop removes it, or if it is too
+        old.
+        """
         return self._latest.dropped
 
     @property
@@ -241,12 +310,21 @@ class CommandArbiter:
         """
         Return the time at which to call ``next_request()`` again [s, steady clock], or None.
 
-        Call it at this time even if no command or response was received before.
+        If no velocity is received before this time, the robot must be stopped then.  None means
+        that ``next_request()`` must be called again only after a command or a response is
+        received.
         """
         return self._stream.end
 
     def on_command(self, command: VelocityCommand) -> None:
-        """Update the state with a command that was received."""
+        """
+        Process a velocity command that was received.
+
+        After a fault, such as a refused call, commands are ignored until a zero velocity is
+        received, or until a command is received after a pause of 1 s.
+
+        :param command: the command
+        """
         is_rest = command.is_stop or command.time - self._last_command > REARM_IDLE_TIME
         self._last_command = command.time
         if self._is_connected and is_rest:
@@ -257,12 +335,12 @@ class CommandArbiter:
 
     def next_request(self, now: float) -> RpcRequest | None:
         """
-        Return the next gRPC call to make now, or None if there is none.
+        Return the next gRPC call to make now, or None if no call is due.
 
-        Call this method again until it returns None.  A returned gRPC call counts as in progress
-        until ``on_response()`` receives its result.
+        Several calls may be due, so call this method again until it returns None.  A returned gRPC
+        call counts as in progress until ``on_response()`` gets its result.
 
-        :param now: the time [s, steady clock]
+        :param now: the current time [s, steady clock]
         """
         if self._stream.has_expired(now):
             self._latest.request_stop()
@@ -275,11 +353,11 @@ class CommandArbiter:
 
     def on_response(self, request: RpcRequest, result: RpcResult, now: float) -> None:
         """
-        Update the state with the result of a call.
+        Process the result of a gRPC call that has ended.
 
-        :param request: the gRPC call that has ended
+        :param request: the gRPC call, which ``next_request()`` has returned earlier
         :param result: the result of the call
-        :param now: the time [s, steady clock]
+        :param now: the current time [s, steady clock]
         """
         self._in_flight.remove(request)
         if request.kind is RpcKind.STOP:
@@ -290,38 +368,46 @@ class CommandArbiter:
             self._on_motion_response(request, result, now)
 
     def on_connected(self) -> None:
-        """Allow gRPC calls from now on, because the robot responds."""
+        """Allow gRPC calls from now on, because the robot has responded."""
         self._is_connected = True
 
     def on_connection_lost(self) -> None:
         """
-        Allow no gRPC calls until ``on_connected()``, and block motions.
+        Allow no gRPC calls until ``on_connected()`` is called, and drop all waiting velocities.
 
-        If the robot may be moving, the first call after that is a stop.
+        If the robot may be moving, the first gRPC call after ``on_connected()`` is a stop.  New
+        velocities are ignored until their publisher sends a zero velocity, or nothing for 1 s.
         """
         self._is_connected = False
         self.block_motion()
 
     def block_motion(self) -> None:
         """
-        Drop all motions, and stop the robot if it may be moving.
+        Drop all waiting velocities, stop the robot if it may be moving, and ignore new velocities.
 
-        New motions are blocked until the publisher sends a zero velocity, or nothing for 1 s.
+        New velocities are ignored until their publisher sends a zero velocity, or nothing for 1 s.
         """
         self.is_blocked = True
         self.cancel_motion()
 
     def on_stall(self, now: float) -> None:
         """
-        Block motions after the process was suspended, because queued commands may be old.
+        Stop the robot after this process was suspended, because received velocities may be old.
 
-        :param now: the time [s, steady clock]
+        All waiting velocities are dropped, and a stop is sent if the robot may be moving.  New
+        velocities are ignored until their publisher sends a zero velocity, or nothing for 1 s.
+
+        :param now: the current time [s, steady clock]
         """
         self._last_command = now
         self.block_motion()
 
     def cancel_motion(self) -> None:
-        """Drop all motions received so far, and stop the robot if it may be moving."""
+        """
+        Drop all velocities received so far, and stop the robot if it may be moving.
+
+        Velocities that are received later are not affected.
+        """
         self._must_enable = False
         self._stream = StreamTimeout()
         self._latest.clear()

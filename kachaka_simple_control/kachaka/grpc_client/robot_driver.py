@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Threads that drive a real robot over gRPC, poll its odometry and errors, and log texts."""
+"""
+The threads of a program that controls a real Kachaka robot over gRPC.
+
+They send velocities to the robot, get its odometry and errors, and write log messages.
+"""
 
 from __future__ import annotations
 
@@ -55,16 +59,18 @@ GOES_ON = 'moves again after a zero, or after 1 s without velocities'
 
 class RobotDriver:
     """
-    Drives a robot with worker threads, which make the calls that a ``CommandArbiter`` selects.
+    Sends velocities to a robot over gRPC, in worker threads.
 
-    The class is thread-safe.  No velocity is sent before the robot has responded to another call,
+    A ``CommandArbiter`` decides which gRPC call to make next.  Several threads may use the object
+    at the same time.  No velocity is sent before the robot has responded to another gRPC call,
     because only then the connection is known to work.
 
-    :param client: the client for calls to the robot
-    :param command_timeout: how long the robot keeps a velocity without a new one [s]
-    :param texts: the error texts of the robot
-    :param log: called with a level and a text for the user; must not block
-    :param on_abort: called with the reason when a motion is aborted; must not block
+    :param client: the object that makes gRPC calls to the robot
+    :param command_timeout: how long the robot follows a velocity if it receives no new one [s]
+    :param texts: the names and explanations of the robot's error codes
+    :param log: called with a level and a text for the log; must not block
+    :param on_abort: called with the reason if a motion is aborted, because the robot refuses to
+        move or does not respond; must not block
     """
 
     def __init__(
@@ -91,17 +97,38 @@ class RobotDriver:
 
     @property
     def dropped(self) -> int:
-        """Return the number of motions that were replaced, removed by a stop, or too old."""
+        """
+        Return the number of velocity commands that were dropped before they were sent.
+
+        A command is dropped if a newer command replaces it, if a stop removes it, or if it is too
+        old.
+        """
         return self._arbiter.dropped
 
     def drive(self, command: VelocityCommand) -> None:
-        """Queue a command, which is sent as soon as the robot is free, and return at once."""
+        """
+        Queue a velocity command for the robot, and return at once.
+
+        A worker thread sends a zero velocity at once.  It sends any other velocity when no other
+        gRPC call is in progress.
+
+        :param command: the command; a newer command replaces it if it has not been sent yet
+        """
         with self._changed:
             self._arbiter.on_command(command)
             self._changed.notify()
 
     def set_manual_control(self, enabled: bool) -> RpcResult:
-        """Switch manual control on or off, and return the result of the call."""
+        """
+        Switch manual control, the mode in which the robot follows velocities, on or off.
+
+        Wait up to 3 s for the robot's response.  Before manual control is switched off, all
+        waiting velocities are dropped, because such a velocity would switch manual control on
+        again.
+
+        :param enabled: true to switch manual control on, false to switch it off
+        :returns: the result of the gRPC call
+        """
         if not enabled:
             # Earlier commands must not switch manual control on again.
             with self._changed:
@@ -117,7 +144,7 @@ class RobotDriver:
 
     def on_result(self, result: RpcResult, begun: float) -> None:
         """
-        Update the connection state with the result of a call that another thread has made.
+        Use the result of another thread's gRPC call to detect whether the connection is lost.
 
         :param result: the result of the call
         :param begun: the start time of the call [s, steady clock]
@@ -126,14 +153,21 @@ class RobotDriver:
             self._update_connection(result, begun)
 
     def describe(self, result: RpcResult) -> str:
-        """Return why a call failed, as text: the robot's error, or why the robot gave no code."""
+        """
+        Return the reason for a failed gRPC call, as text for the user.
+
+        :param result: the result of the call
+        :returns: the robot's error, if the robot has responded with an error code; else the reason
+            why there is no code
+        """
         return result.text if result.code is None else self.texts.describe(result.code)
 
     def close(self) -> None:
         """
-        Stop the robot and disconnect, within 2 s.
+        Stop the robot if it may be moving, and disconnect from it, within 2 s.
 
-        If this object has switched manual control on, switch it off.
+        Manual control, the mode in which the robot follows velocities, is switched off if this
+        object has switched it on.
         """
         with self._changed:
             self._is_over = True
@@ -161,7 +195,13 @@ class RobotDriver:
                 self._wait(now)
 
     def _wait(self, now: float) -> None:
-        """Wait for work, and detect whether the process was suspended during the wait."""
+        """
+        Wait until there may be a new gRPC call to make, but at most for 0.1 s.
+
+        After the wait, check whether the process was suspended during the wait.
+
+        :param now: the start time of the wait [s, steady clock]
+        """
         next_check = self._arbiter.next_check
         timeout = (WORKER_PERIOD if next_check is None
                    else max(0.0, min(next_check - now, WORKER_PERIOD)))
@@ -170,10 +210,13 @@ class RobotDriver:
 
     def _detect_stall(self, begun: float, allowed: float) -> None:
         """
-        Block motions if so much time has passed that the process must have been suspended.
+        Stop the robot if a wait or a call took so long that this process must have been suspended.
 
-        :param begun: the time at which a wait or a call began [s, steady clock]
-        :param allowed: the longest duration of the wait or the call [s]
+        The reason is that received velocities may be old after a suspension.  New velocities are
+        ignored until their publisher sends a zero velocity, or nothing for 1 s.
+
+        :param begun: the start time of the wait or the call [s, steady clock]
+        :param allowed: the time limit of the wait or the call [s]
         """
         now = time.monotonic()
         if now - begun > allowed + self._command_timeout and not self._is_over:
@@ -254,11 +297,11 @@ LOG_EXIT_TIMEOUT = 0.5
 
 class LogThread(threading.Thread):
     """
-    A thread that logs texts, so that the threads that call ``log()`` never wait.
+    A thread that writes log messages, so that other threads never wait for the log.
 
-    A text is dropped if the same text came less than 1 s before.
+    A message is dropped if the same message was passed to ``log()`` less than 1 s before.
 
-    :param emit: a function that logs a text with its level; it may block
+    :param emit: a function that writes a message with its level to the log; it may block
     """
 
     def __init__(self, emit: Callable[[Level, str], None]) -> None:
@@ -269,7 +312,12 @@ class LogThread(threading.Thread):
         self.start()
 
     def log(self, level: Level, text: str) -> None:
-        """Queue a text for the log, unless the same text came less than 1 s before."""
+        """
+        Queue a log message, unless it was also passed to this method less than 1 s before.
+
+        :param level: the severity of the message
+        :param text: the message
+        """
         now = time.monotonic()
         # Texts contain numbers, so there may be many different ones: keep only recent ones.
         self._last_times = {
@@ -279,19 +327,19 @@ class LogThread(threading.Thread):
         self._last_times[text] = now
 
     def close(self) -> None:
-        """Log the queued texts and end the thread, but wait at most 0.5 s for this."""
+        """Write the queued log messages and end the thread, but wait at most 0.5 s for the end."""
         self._queue.put(None)
         self.join(LOG_EXIT_TIMEOUT)
 
     def run(self) -> None:
-        """Log the queued texts until ``close()`` is called."""
+        """Write the queued log messages, and wait for new ones, until ``close()`` is called."""
         while (entry := self._queue.get()) is not None:
             self._emit(*entry)
 
 
 class Poller(threading.Thread):
     """
-    The base class of threads that poll the robot.
+    The base class of threads that request data from the robot again and again.
 
     :param name: the name of the thread
     """
@@ -301,19 +349,24 @@ class Poller(threading.Thread):
         self.is_over = threading.Event()
 
     def poll(self) -> float:
-        """Poll once, and return the time to wait until the next poll [s]."""
+        """
+        Request data from the robot once; each subclass must implement this method.
+
+        :returns: the time to wait until the next request [s]
+        """
         raise NotImplementedError
 
     def run(self) -> None:
-        """Poll until ``stop()`` is called."""
+        """Call ``poll()`` again and again until ``stop()`` is called."""
         while not self.is_over.is_set():
             self.is_over.wait(self.poll())
 
     def stop(self) -> None:
         """
-        Make the thread end after its current call to the robot.
+        Make the thread end after its current gRPC call to the robot.
 
-        To end the call at once, close the client.
+        This method does not wait for the end.  To end the gRPC call at once, close the gRPC
+        client.
         """
         self.is_over.set()
 
@@ -331,15 +384,17 @@ Fetch = Callable[[int, float], tuple[RpcResult, Any]]
 
 class OdometryPoller(Poller):
     """
-    Fetches and publishes odometry in a thread, started by ``start()``.
+    A thread that gets the robot's odometry over gRPC and publishes it.
 
     :param name: the name of the thread
-    :param fetch: gets odometry that is newer than a cursor; called with the cursor and the longest
-        time to wait [s]
-    :param is_wanted: returns whether odometry has a subscriber
-    :param publish: called with each new odometry
-    :param on_result: called with the result and the start time of each call; not called after a
-        timeout, because a timeout gives no information about the connection
+    :param fetch: a function that waits for new odometry.  Its arguments are the cursor of the last
+        odometry message, a number that identifies the message, and the longest time to wait [s].
+        It returns the result and the response of the gRPC call
+    :param is_wanted: returns whether the odometry topic has a subscriber; if not, no odometry is
+        requested
+    :param publish: called with each new odometry message of the robot
+    :param on_result: called with the result and the start time of each gRPC call; not called after
+        a timeout, because a timeout gives no information about the connection
     """
 
     def __init__(
@@ -354,9 +409,9 @@ class OdometryPoller(Poller):
 
     def poll(self) -> float:
         """
-        Fetch and publish odometry once, if odometry has a subscriber.
+        Get odometry from the robot once and publish it, if the odometry topic has a subscriber.
 
-        :returns: the time to wait until the next poll [s]
+        :returns: the time to wait until the next call of this method [s]
         """
         if not self._is_wanted():
             self._cursor = 0
@@ -388,14 +443,15 @@ HEALTH_EXIT_TIMEOUT = 0.5
 
 class HealthPoller(Poller):
     """
-    Polls the robot's errors in a thread, started by ``start()``.
+    A thread that asks the robot for its current errors, about once per second.
 
-    The calls also detect when the connection is lost, and when it is back.
+    From the results of these gRPC calls, the driver also detects when the connection is lost, and
+    when it is back.
 
-    :param client: the client for calls to the robot
-    :param robot: the driver that receives the results of the calls
-    :param log: called with a level and a text for the user
-    :param on_poll: called after each poll
+    :param client: the object that makes gRPC calls to the robot
+    :param robot: the driver, which gets the results of the calls
+    :param log: called with a level and a text for the log
+    :param on_poll: called without arguments after each call
     """
 
     def __init__(
@@ -411,9 +467,11 @@ class HealthPoller(Poller):
 
     def poll(self) -> float:
         """
-        Poll the robot's errors once, and log changes.
+        Ask the robot for its current errors once, and log changes.
 
-        :returns: the time to wait until the next poll [s]
+        Each new error is logged.  When the robot reports no errors any more, this is logged, too.
+
+        :returns: the time to wait until the next call of this method [s]
         """
         begun = time.monotonic()
         result, codes = self._client.errors(HEALTH_DEADLINE)
@@ -426,9 +484,11 @@ class HealthPoller(Poller):
 
     def _fetch_texts(self, codes: list[int]) -> None:
         """
-        Fetch the error texts again if a new error code has no text.
+        Ask the robot for its error texts again if a new error code has no text.
 
-        When the robot starts, it may not have its error texts yet.
+        A robot that is just starting may not have its error texts yet.
+
+        :param codes: the codes of the robot's current errors
         """
         new = set(codes) - set(self.codes)
         if any(not self._robot.texts.find(code).title for code in new):
