@@ -12,13 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The simulated robot, with a gRPC server or as a Python object, without ROS.
+A simulated Kachaka robot without ROS, with a gRPC server or as a Python object.
 
-To run the robot in its own process, use one of these commands.  The first line on standard output
-has the address::
+To run the robot in its own process, use one of these commands::
 
     kachaka_sim --grpc-port 0
     python -m kachaka_simple_control.kachaka.sim_command --grpc-port 0
+
+The first line on standard output has the address of the gRPC server::
+
     ready: simulated Kachaka at 127.0.0.1:40153
 
 To run the robot in a thread of your own program::
@@ -31,11 +33,11 @@ To run the robot in a thread of your own program::
         ...
         pose, velocity = server.call(lambda robot, now: robot.state(now))
 
-``serving`` also has the parameters ``port`` (0: any free port), ``host`` and ``clock``.
+``serving`` also has the parameters ``port``, ``host`` and ``clock``.  Port 0 is any free port.
 
 If your program already runs ``grpc.aio`` in an event loop, run the robot in its own process, or
-run ``GrpcServer`` in that event loop.  Two event loops with ``grpc.aio`` in one process disturb
-each other.
+run the class ``GrpcServer`` in that event loop.  Two event loops with ``grpc.aio`` in one process
+disturb each other.
 
-This package can be imported without grpc and kachaka_api.  Its modules ``grpc_*`` need both.
+This package can be imported without grpc and kachaka_api.  Only its modules ``grpc_*`` need both.
 """

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The models of the drive and the odometry of the simulated robot."""
+"""A model of how the simulated robot follows commanded velocities, and of its odometry."""
 
 from __future__ import annotations
 
@@ -38,12 +38,15 @@ FINITE_FROM_0: Rule = 'a finite number, 0 or more', lambda value: 0.0 <= value <
 
 def _figure(default: float, unit: str, text: str, rule: Rule = FINITE_FROM_0) -> Any:
     """
-    Return a field of ``SimulationParameters``, which is also a command line option.
+    Return a dataclass field for ``SimulationParameters``.
+
+    Each field of this class is also a command line option.
 
     :param default: the default value
-    :param unit: the unit, as the help of the option shows it; F for a factor
-    :param text: the help of the option
-    :param rule: the rule that a value must follow
+    :param unit: the unit of the value in the help of the option; F for a factor without a unit
+    :param text: the help text of the option
+    :param rule: the text for the error message, and a function that returns whether a value is
+        valid
     """
     return field(default=default, metadata={'unit': unit, 'help': text, 'rule': rule})
 
@@ -53,25 +56,28 @@ class SimulationParameters:
     """
     The deviations of a simulated robot from an ideal robot, and its undocking motion.
 
-    The manufacturer publishes none of these values.  The defaults describe an ideal robot; those
-    of the undocking motion are assumptions.
+    With the undocking motion, the robot leaves its charging dock.  The manufacturer publishes none
+    of these values.  The default values describe an ideal robot.  The default distance and
+    velocity of the undocking motion are assumptions.
 
-    :param dead_time: the time from a command until the drive begins to follow it [s]
-    :param lag: time constant of the first-order drive [s]
+    :param dead_time: the time from a velocity command until the drive begins to follow it [s]
+    :param lag: time constant of the drive, which is a first-order system [s]
     :param linear_acceleration: largest forward acceleration [m/s^2]
     :param angular_acceleration: largest turning acceleration [rad/s^2]
-    :param linear_gain: forward velocity in odometry divided by the commanded velocity
-    :param backward_gain: gain of the linear velocity backwards divided by the gain forwards
-    :param angular_gain: turning velocity in odometry divided by the commanded velocity
-    :param right_gain: gain of the turning velocity to the right divided by the gain to the left
+    :param linear_gain: forward velocity in odometry divided by the commanded velocity, when the
+        robot drives forwards
+    :param backward_gain: the same gain when the robot drives backwards, divided by ``linear_gain``
+    :param angular_gain: turning velocity in odometry divided by the commanded velocity, when the
+        robot turns to the left
+    :param right_gain: the same gain when the robot turns to the right, divided by ``angular_gain``
     :param veer: the unwanted turn to the left for each metre forwards, in odometry [rad/m]
     :param odometry_scale: true distance divided by the distance in odometry on a straight line
     :param wheel_ratio: true diameter of the right wheel divided by that of the left wheel;
         odometry assumes 1
     :param track_ratio: true track, the distance between the wheels, divided by the track that
         odometry uses
-    :param velocity_noise: relative standard deviation of both velocities; the noise changes each
-        millisecond of motion
+    :param velocity_noise: standard deviation of the forward and the turning velocity, divided by
+        the velocity; the noise changes each millisecond of motion
     :param odometry_noise: standard deviation of x and of y in odometry [m]; the noise changes
         every 20 ms and does not add up, so odometry does not drift
     :param heading_noise: standard deviation of the heading in odometry [rad]; the noise changes
@@ -79,9 +85,9 @@ class SimulationParameters:
     :param undock_distance: the distance that the robot drives straight off its dock [m]
     :param undock_velocity: the velocity of the undocking motion [m/s]
     :raises ValueError: if a value is out of its range.  Only accelerations may be infinite.  Only
-        gains and the veer may be negative.  Accelerations and the undocking velocity must be
-        above 0.  The ranges of ``odometry_scale``, ``wheel_ratio`` and ``track_ratio`` are those
-        of ``OdometryCalibration``
+        gains and the veer may be negative.  Accelerations and the undocking velocity must be above
+        0.  The ranges of ``odometry_scale``, ``wheel_ratio`` and ``track_ratio`` are those of
+        ``OdometryCalibration``
     """
 
     dead_time: float = _figure(0.0, 'S', 'how long after a command the drive begins to follow it')
@@ -111,7 +117,11 @@ class SimulationParameters:
     undock_velocity: float = _figure(0.1, 'M/S', 'how fast it does that', FINITE_ABOVE_0)
 
     def __post_init__(self) -> None:
-        """Check each value."""
+        """
+        Check each value of the new object.
+
+        :raises ValueError: if a value is out of its range
+        """
         for figure in fields(self):
             value, (rule, is_valid) = getattr(self, figure.name), figure.metadata['rule']
             if not is_valid(value):
@@ -123,14 +133,23 @@ class SimulationParameters:
 
     @property
     def floor(self) -> OdometryCalibration | None:
-        """Return how odometry differs from the motion on the floor, or None if it does not."""
+        """
+        Return the calibration for the systematic errors of odometry, for example its scale.
+
+        :returns: the calibration, which converts motion in odometry to true motion on the floor;
+            None if odometry has no systematic errors
+        """
         ratios = self.odometry_scale, self.wheel_ratio, self.track_ratio
         return None if ratios == (1.0, 1.0, 1.0) else OdometryCalibration(
             *ratios, KACHAKA_TRACK)
 
     @property
     def is_ideal(self) -> bool:
-        """Return whether the velocity is constant between two commands."""
+        """
+        Return whether the velocity of the drive is constant between two commands.
+
+        This is true if the drive has no lag, no limit of the acceleration and no velocity noise.
+        """
         return (
             self.lag == 0.0 and self.velocity_noise == 0.0
             and math.isinf(self.linear_acceleration) and math.isinf(self.angular_acceleration))
@@ -157,15 +176,16 @@ def first_order_response(
     """
     Return the exact response of the drive to a constant commanded velocity.
 
-    With a = acceleration and T = lag: dv/dt = (target - v) / T, limited to [-a, a].  The velocity
-    follows a ramp while |target - v| > a T, and then an exponential.
+    The velocity v of the drive follows dv/dt = (target - v) / lag, limited to [-acceleration,
+    acceleration].  So v changes on a ramp while |target - v| > acceleration * lag, and then
+    exponentially.
 
     :param velocity: velocity at the start [m/s or rad/s]
     :param target: commanded velocity, constant [m/s or rad/s]
-    :param duration: duration [s]
-    :param lag: time constant [s], 0 for none
-    :param acceleration: largest acceleration [m/s^2 or rad/s^2], may be infinite
-    :returns: the velocity at the end, and the distance [m] or angle [rad] covered
+    :param duration: duration of the response [s]
+    :param lag: time constant of the drive [s]; 0 for a drive without a lag
+    :param acceleration: largest acceleration [m/s^2 or rad/s^2]; may be infinite
+    :returns: the velocity at the end of the duration, and the distance [m] or angle [rad] covered
     """
     covered = 0.0
     if math.isfinite(acceleration):
@@ -199,18 +219,20 @@ class _State:
 
 class DriveModel:
     """
-    A unicycle model that follows commanded velocities, and its odometry.
+    A model of a robot that follows commanded velocities, and of its odometry.
 
-    The robot starts at rest at the origin.
+    The robot drives forwards or backwards and turns, but does not move sideways (unicycle model).
+    It starts at rest at the origin.  The parameter ``now`` of each method is the current time [s],
+    which must not decrease from call to call.
 
-    The parameter ``now`` of each method is the time [s], which must not decrease.  The model
-    stores its state at each command and, while the velocity changes, at the times of a fixed grid.
-    A query computes its result from the last stored state, so the result does not depend on the
-    times of earlier queries.
+    The model stores the pose and the velocity each time the drive begins to follow a command.
+    Unless the drive is ideal, it also stores them once per millisecond of motion.  All later
+    values are computed from the last stored values, so the result of a method does not depend on
+    how often the methods were called before.
 
     :param parameters: the deviations from an ideal robot
-    :param start: the current time [s]; the time grid starts here
-    :param seed: the seed of all noise
+    :param start: the time at the start [s]
+    :param seed: the seed of all random noise
     """
 
     def __init__(self, parameters: SimulationParameters, start: float, seed: int) -> None:
@@ -228,22 +250,41 @@ class DriveModel:
         self._noise = Velocity(1.0, 1.0)
 
     def set_target(self, target: Velocity, now: float) -> None:
-        """Command a velocity, which the drive begins to follow after its dead time."""
+        """
+        Command a velocity, which the drive begins to follow after its dead time.
+
+        The dead time is a constant delay of the drive.
+
+        :param target: the commanded velocity
+        :param now: the current time [s]
+        """
         self._commands.append((now + self._parameters.dead_time, target))
         self._follow(now)
 
     def state_at(self, now: float) -> tuple[Pose, Velocity]:
-        """Return the true pose and the true velocity on the floor."""
+        """
+        Return the true pose and the true velocity of the robot on the floor.
+
+        :param now: the current time [s]
+        """
         state, velocity = self._query(now)
         return state.pose, velocity if self._floor is None else self._floor.to_floor(velocity)
 
     def reported_at(self, now: float) -> tuple[Pose, Velocity]:
-        """Return the odometry pose without noise, and the odometry velocity."""
+        """
+        Return the pose and the velocity in odometry, without random noise of the pose.
+
+        :param now: the current time [s]
+        """
         state, velocity = self._query(now)
         return state.reported, velocity
 
     def odometry_at(self, now: float) -> tuple[Pose, Velocity]:
-        """Return the odometry pose with noise, and the odometry velocity."""
+        """
+        Return the pose and the velocity in odometry, with random noise of the pose.
+
+        :param now: the current time [s]
+        """
         parameters, (pose, velocity) = self._parameters, self.reported_at(now)
         if parameters.odometry_noise == 0.0 and parameters.heading_noise == 0.0:
             return pose, velocity
@@ -256,14 +297,27 @@ class DriveModel:
             pose.theta + noise.gauss(0.0, parameters.heading_noise)), velocity
 
     def _query(self, now: float) -> tuple[_State, Velocity]:
-        """Return the state at a time, and the velocity in odometry at this time."""
+        """
+        Return the state of the model at a time, and the velocity in odometry at this time.
+
+        The state has the true pose, the odometry pose without noise, and the velocity of the drive
+        before gains and noise are applied.
+
+        :param now: the time [s]
+        """
         self._follow(now)
         self._advance(now)
         state = self._state_at(now)
         return state, self._reported(state.velocity.linear_x, state.velocity.angular_z)
 
     def _follow(self, now: float) -> None:
-        """Apply the commands for which the dead time has passed."""
+        """
+        Make the drive follow each command that was given at least one dead time ago.
+
+        The dead time is a constant delay of the drive.
+
+        :param now: the current time [s]
+        """
         while self._commands and self._commands[0][0] <= now:
             time, target = self._commands.popleft()
             self._advance(time)
@@ -272,9 +326,14 @@ class DriveModel:
 
     def _reported(self, linear: float, angular: float) -> Velocity:
         """
-        Return a velocity in odometry, with gains, noise and unwanted turn applied.
+        Convert a velocity of the drive to the velocity in odometry.
 
-        The arguments may also be a distance [m] and an angle [rad].
+        This applies the gains, the random noise and the unwanted turn of the simulated drive.  It
+        works for a distance and an angle in the same way.
+
+        :param linear: the forward velocity [m/s] or a distance [m]
+        :param angular: the turning velocity [rad/s] or an angle [rad]
+        :returns: the velocity in odometry, or the distance and the angle in odometry
         """
         parameters = self._parameters
         reported_linear = linear * (parameters.linear_gain * self._noise.linear_x)
@@ -290,7 +349,15 @@ class DriveModel:
         return self._target.is_zero and self._state.velocity.is_zero
 
     def _advance(self, now: float) -> None:
-        """Advance the stored state to the last grid time that is not after ``now``."""
+        """
+        Compute the state of the model in steps of 1 ms, and store the state after the last step.
+
+        All steps end at times of a fixed grid; the last step ends at or before ``now``.  If the
+        robot is at rest, no steps are needed.  Nothing is done for an ideal drive, which needs no
+        steps either.
+
+        :param now: the current time [s]
+        """
         if self._parameters.is_ideal:
             return
         while not self._is_at_rest and (next_time := self._grid_time(self._tick + 1)) <= now:

@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Convert values of the simulated robot to gRPC messages, and received commands to tasks."""
+"""
+Conversions between the simulated robot and its gRPC messages.
+
+Values of the robot are converted to gRPC messages.  Commands of clients are converted to tasks,
+which are sequences of motions and standstills.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +49,7 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity
 
 def result(code: int) -> pb2.Result:
     """
-    Return the result message of a request.
+    Return the gRPC message that says whether a request was successful.
 
     :param code: 0 for success, else the error code
     """
@@ -61,19 +66,23 @@ def rotation(angle: float) -> pb2.Quaternion:
 
 
 def pose(value: Pose) -> pb2.Pose:
-    """Return the message of a pose, with the heading wrapped to [-pi, pi]."""
+    """
+    Return the gRPC message of a pose, with the heading wrapped to [-pi, pi].
+
+    :param value: the pose [m, rad]
+    """
     return pb2.Pose(x=value.x, y=value.y, theta=math.remainder(value.theta, math.tau))
 
 
 def odometry(where: Pose, velocity: Velocity, stamp: int) -> pb2.RosOdometry:
     """
-    Return an odometry message with the fields of ``nav_msgs/Odometry``.
+    Return a gRPC odometry message, which has the fields of ``nav_msgs/Odometry``.
 
     All covariances are 0.
 
-    :param where: the odometry pose
+    :param where: the pose in odometry
     :param velocity: the velocity in odometry
-    :param stamp: the time of the sample [ns since 1970]
+    :param stamp: the time stamp of the message [ns since 1970]
     """
     return pb2.RosOdometry(
         header=pb2.RosHeader(stamp_nsec=stamp, frame_id=ODOMETRY_FRAME),
@@ -92,12 +101,12 @@ def odometry(where: Pose, velocity: Velocity, stamp: int) -> pb2.RosOdometry:
 
 def transform(where: Pose, frame: str, child: str, stamp: int) -> pb2.RosTransformStamped:
     """
-    Return the transform message from a frame to its child frame.
+    Return the gRPC message of the transform from a frame to its child frame.
 
     :param where: the pose of the child frame in the parent frame
-    :param frame: the parent frame
-    :param child: the child frame
-    :param stamp: the time of the transform [ns since 1970]
+    :param frame: the name of the parent frame
+    :param child: the name of the child frame
+    :param stamp: the time stamp of the transform [ns since 1970]
     """
     return pb2.RosTransformStamped(
         header=pb2.RosHeader(stamp_nsec=stamp, frame_id=frame), child_frame_id=child,
@@ -119,9 +128,9 @@ VERSION = '3.17.5'
 @dataclass(frozen=True)
 class ReceivedCommand:
     """
-    A command received from a client.
+    A command that the robot has received from a gRPC client.
 
-    :param command: the command
+    :param command: the gRPC message of the command
     :param time: the time of receipt [s since 1970]
     """
 
@@ -132,11 +141,14 @@ class ReceivedCommand:
 def task_from_request(
         request: pb2.StartCommandRequest, state: SimulatorState, identity: str) -> Task | int:
     """
-    Return the task for a request, or an error code if the robot refuses the request.
+    Convert a client's request to start a command to a task of the simulated robot.
+
+    A task is a sequence of motions and standstills.
 
     :param request: the request
-    :param state: the robot and its clock
-    :param identity: the unique name of the new task
+    :param state: the simulated robot and its clock
+    :param identity: the unique name for the new task
+    :returns: the task, or an error code if the robot refuses the request
     """
     name = request.command.WhichOneof('command')
     if name not in ACTIONS:
@@ -207,7 +219,12 @@ ACTIONS: dict[str, Callable[[Any, SimulatorState], tuple[Action, ...] | int]] = 
 
 
 def command_of(task: Task | None) -> pb2.Command | None:
-    """Return the client's command that a task executes, or None if there is none."""
+    """
+    Return the gRPC command of a client that a task executes.
+
+    :param task: the task, a sequence of motions and standstills of the robot; may be None
+    :returns: the command; None if there is no task, or if no client has sent the task
+    """
     return task.note.command if task and isinstance(task.note, ReceivedCommand) else None
 
 
@@ -223,21 +240,34 @@ Fields = dict[str, Any]
 
 
 def _battery(is_docked: bool) -> Fields:
-    """Return the message fields of a full battery, which charges if the robot is docked."""
+    """
+    Return the fields of a battery message: full, and charging if the robot is docked.
+
+    :param is_docked: whether the robot is docked; if not, the battery is discharging
+    """
     status = (pb2.POWER_SUPPLY_STATUS_CHARGING if is_docked
               else pb2.POWER_SUPPLY_STATUS_DISCHARGING)
     return {'remaining_percentage': 100.0, 'power_supply_status': status}
 
 
 def _command_state(task: Task | None) -> Fields:
-    """Return the message fields for the command state, and for the running command if any."""
+    """
+    Return the fields of the message that says which command the robot executes now.
+
+    :param task: the task of this command; None if the robot executes no command
+    """
     state = pb2.COMMAND_STATE_RUNNING if task else pb2.COMMAND_STATE_PENDING
     return {
         'state': state, 'command': command_of(task), 'command_id': task.identity if task else ''}
 
 
 def _last_result(results: Sequence[TaskResult]) -> Fields:
-    """Return the message fields for the command that ended last, and its result."""
+    """
+    Return the fields of the message about the command that has ended last, and its result.
+
+    :param results: the results of the commands that have ended, newest last
+    :returns: the fields; no fields if no command has ended yet
+    """
     if not results:
         return {}
     last = results[-1]
@@ -246,7 +276,13 @@ def _last_result(results: Sequence[TaskResult]) -> Fields:
 
 
 def _locations(dock: pb2.Pose) -> Fields:
-    """Return the message fields for the only location, that of the dock."""
+    """
+    Return the fields of the message about the places that the robot knows.
+
+    The charging dock is the only place.
+
+    :param dock: the pose of the dock
+    """
     return {'default_location_id': HOME, 'locations': [
         pb2.Location(id=HOME, name=HOME, pose=dock, type=pb2.LOCATION_TYPE_CHARGER)]}
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The gRPC server of the simulated robot."""
+"""The gRPC server through which clients control the simulated robot."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ T = TypeVar('T')
 
 class GrpcServer:
     """
-    The gRPC server of a simulated robot.
+    The gRPC server through which clients control a simulated robot.
 
-    Create, start and stop the server in the same event loop.
+    Create, start and stop the server in the same asyncio event loop.
 
-    :param robot: the robot; from now on, other code may call it only through ``call()``
-    :param clock: the clock of the robot
+    :param robot: the simulated robot; from now on, other code may use it only through ``call()``
+    :param clock: the clock that gives the robot its time
     """
 
     def __init__(self, robot: SimulatedKachaka, clock: Clock) -> None:
@@ -60,10 +60,10 @@ class GrpcServer:
 
     async def start(self, host: str = LOOPBACK, port: int = PORT) -> str:
         """
-        Start to listen at an address.
+        Start the server, which then listens for clients at an address.
 
-        :param host: the name or IP address of an interface of this machine
-        :param port: the port; 0 for any free port
+        :param host: the name or IP address of a network interface of this machine
+        :param port: the TCP port; 0 for any free port
         :returns: the address for clients, as HOST:PORT
         :raises OSError: if the port cannot be bound
         """
@@ -80,7 +80,7 @@ class GrpcServer:
         return self.address
 
     async def stop(self) -> None:
-        """Stop the server and cancel all pending calls."""
+        """Stop the server, and cancel all gRPC calls that are in progress."""
         await self._server.stop(None)
         if self._state_task is not None:
             self._state_task.cancel()
@@ -89,11 +89,12 @@ class GrpcServer:
 
     def call(self, function: Callable[[SimulatedKachaka, float], T]) -> T:
         """
-        Run a function in the server's event loop, between two gRPC calls.
+        Run a function in the server's event loop, between two gRPC calls, and wait for its end.
 
         Call this method only from a thread that does not run the event loop.
 
-        :param function: called with the robot and the time of the steady clock [s]
+        :param function: the function; its arguments are the simulated robot and the time of the
+            steady clock [s]
         :returns: the return value of the function
         """
         async def work() -> T:
@@ -103,12 +104,25 @@ class GrpcServer:
         return asyncio.run_coroutine_threadsafe(work(), self._loop).result()
 
     def wake(self) -> None:
-        """Make the server read its clock again, after a test has changed the time."""
+        """
+        Make the server read its clock again.
+
+        A test that sets the time of the clock itself must call this method after each change of
+        the time.
+        """
         self.call(lambda *_: None)
 
 
 def _require_bindable(host: str, port: int) -> None:
-    """Raise an OSError with the reason if a port cannot be bound, as grpc gives no reason."""
+    """
+    Check that a TCP port can be bound.
+
+    The gRPC library does not say why a port cannot be bound, but this function does.
+
+    :param host: the name or IP address of a network interface of this machine
+    :param port: the TCP port
+    :raises OSError: if the port cannot be bound; the error has the reason
+    """
     family, kind, protocol, _, address = socket.getaddrinfo(
         host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
     with socket.socket(family, kind, protocol) as trial:
@@ -121,13 +135,13 @@ def serving(
         robot: SimulatedKachaka, port: int = 0, host: str = LOOPBACK,
         clock: Clock | None = None) -> Iterator[GrpcServer]:
     """
-    Serve a simulated robot over gRPC, in a thread, during a ``with`` block.
+    Run a gRPC server for a simulated robot, in a new thread, during a ``with`` block.
 
-    :param robot: the robot, created with a time of the same clock
-    :param port: the port; 0 for any free port
-    :param host: the name or IP address of an interface of this machine
-    :param clock: the clock; default: the clocks of this machine
-    :returns: a context manager for the running server
+    :param robot: the simulated robot, created with a time of the same clock
+    :param port: the TCP port; 0 for any free port
+    :param host: the name or IP address of a network interface of this machine
+    :param clock: the clock that gives the robot its time; default: the clock of this machine
+    :returns: a context manager, which gives the block the running ``GrpcServer``
     :raises OSError: if the port cannot be bound
     """
     loop = asyncio.new_event_loop()

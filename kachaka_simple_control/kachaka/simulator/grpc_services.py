@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The gRPC service of the simulated robot."""
+"""The gRPC calls that the simulated robot offers to clients."""
 
 from __future__ import annotations
 
@@ -60,12 +60,14 @@ MAX_INTENSITY = 255
 
 def _with_result(execute: Callable[[Any, Any], int]) -> Callable[..., Awaitable[Any]]:
     """
-    Return a gRPC call that executes a request, and responds with a result message.
+    Make a gRPC call from a method that executes a request; this is a decorator.
 
-    After the request, it wakes all calls that wait for a change of the robot.
+    The gRPC call executes the request, and responds with success or an error code.  It also wakes
+    all other calls that wait for a change of the robot.
 
-    :param execute: the method that executes the request; it returns 0 or an error code, and has
-        the name of the gRPC call
+    :param execute: the method, which has the name of the gRPC call; it returns 0 for success, else
+        an error code
+    :returns: the coroutine function of the gRPC call
     """
     @functools.wraps(execute)
     async def call(self: SimulatedKachakaServicer, request: Any, _context: Any) -> Any:
@@ -77,12 +79,13 @@ def _with_result(execute: Callable[[Any, Any], int]) -> Callable[..., Awaitable[
 
 class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
     """
-    The gRPC service of a simulated Kachaka.
+    The gRPC service of a simulated Kachaka robot; each gRPC call is a method.
 
-    The class also gets a method for each call in ``grpc_messages.READINGS``.  All calls that are
-    not implemented fail with the gRPC status UNIMPLEMENTED.
+    Some calls only read a value.  Their methods are added from the table
+    ``grpc_messages.READINGS``.  All calls of the real robot that are not implemented fail with the
+    gRPC status UNIMPLEMENTED.
 
-    :param state: the robot and its clock
+    :param state: the simulated robot and its clock
     """
 
     def __init__(self, state: SimulatorState) -> None:
@@ -110,7 +113,13 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
     async def SetRobotVelocity(
             self, request: pb2.SetRobotVelocityRequest, context: Any
             ) -> pb2.SetRobotVelocityResponse:
-        """Drive with a velocity, clipped to the limits, until the command timeout expires."""
+        """
+        Let the robot drive with the requested velocity, clipped to the robot's limits.
+
+        The robot stops if it receives no new velocity within its command timeout of 0.3 s.  The
+        request is refused while manual control, the mode in which the robot follows velocities, is
+        off.
+        """
         code = self.state.robot.set_robot_velocity(
             request.linear, request.angular, self.state.now())
         # No notify(): no long poll depends on the velocity, and this call must be fast.
@@ -118,7 +127,11 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     @_with_result
     def SetManualControlEnabled(self, request: pb2.SetManualControlEnabledRequest) -> int:
-        """Switch manual control on for 60 s, or off."""
+        """
+        Switch manual control on for 60 s, or switch it off.
+
+        Manual control is the mode in which the robot follows velocities.
+        """
         return self.state.robot.set_manual_control(request.enable, self.state.now())
 
     @_with_result
@@ -128,7 +141,11 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     @_with_result
     def SetRobotPose(self, request: pb2.SetRobotPoseRequest) -> int:
-        """Set the robot's estimated pose on the map, without a motion of the robot."""
+        """
+        Set the robot's estimate of its pose on the map; the robot does not move.
+
+        A pose that is infinite or NaN is refused.
+        """
         state, pose = self.state, request.pose
         if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):
             return ERROR_NOT_A_VELOCITY
@@ -138,7 +155,11 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     @_with_result
     def SetSpeakerVolume(self, request: pb2.SetSpeakerVolumeRequest) -> int:
-        """Store the volume, 0 to 10, which only ``GetSpeakerVolume()`` uses."""
+        """
+        Store the speaker volume, which ``GetSpeakerVolume()`` then returns.
+
+        The volume has no other effect.  A volume that is not from 0 to 10 is refused.
+        """
         code = _check(request.volume, MAX_VOLUME)
         if code == SUCCESS:
             self._volume = request.volume
@@ -146,38 +167,55 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     @_with_result
     def SetFrontTorchIntensity(self, request: pb2.SetFrontTorchIntensityRequest) -> int:
-        """Check that a torch intensity is from 0 to 255, and do nothing else."""
+        """Refuse a torch intensity that is not from 0 to 255, and do nothing else."""
         return _check(request.intensity, MAX_INTENSITY)
 
     @_with_result
     def SetBackTorchIntensity(self, request: pb2.SetBackTorchIntensityRequest) -> int:
-        """Check that a torch intensity is from 0 to 255, and do nothing else."""
+        """Refuse a torch intensity that is not from 0 to 255, and do nothing else."""
         return _check(request.intensity, MAX_INTENSITY)
 
     @_with_result
     def SetAutoHomingEnabled(self, request: pb2.SetAutoHomingEnabledRequest) -> int:
-        """Store the setting, which only ``GetAutoHomingEnabled()`` uses."""
+        """
+        Store whether auto homing is enabled, which ``GetAutoHomingEnabled()`` then returns.
+
+        This has no other effect: the simulated robot has no auto homing.
+        """
         self._auto_homing = request.enable
         return SUCCESS
 
     @_with_result
     def ResetShelfPose(self, request: pb2.ResetShelfPoseRequest) -> int:
-        """Refuse a request with a shelf id, because there are no shelves; else do nothing."""
+        """
+        Refuse a request with a shelf id, because the simulated robot has no shelves.
+
+        A request without a shelf id succeeds, but has no effect.
+        """
         return ERROR_UNKNOWN_NAME if request.shelf_id else SUCCESS
 
     @_with_result
     def StartShortcutCommand(self, request: pb2.StartShortcutCommandRequest) -> int:
-        """Refuse the request, because there are no shortcuts."""
+        """Refuse the request, because no shortcuts are stored in the simulated robot."""
         return ERROR_UNKNOWN_NAME
 
     @_with_result
     def Proceed(self, request: pb2.EmptyRequest) -> int:
-        """End the current lock command early; during a lock the robot stands still."""
+        """
+        End the current lock command early.
+
+        A lock command makes the robot stand still for a given time.
+        """
         return self.state.robot.end_standstill(self.state.now())
 
     async def StartCommand(
             self, request: pb2.StartCommandRequest, context: Any) -> pb2.StartCommandResponse:
-        """Start a command after the earlier commands, or cancel those and start it now."""
+        """
+        Start a command of the robot, for example a drive to a pose.
+
+        If ``cancel_all`` is set in the request, all earlier commands are cancelled and the new
+        command starts now.  Otherwise it starts when all earlier commands have ended.
+        """
         state = self.state
         identity = f'{state.new_cursor():016x}'
         task = grpc_messages.task_from_request(request, state, identity)
@@ -190,7 +228,11 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     async def CancelCommand(
             self, request: pb2.EmptyRequest, context: Any) -> pb2.CancelCommandResponse:
-        """Cancel all commands."""
+        """
+        Cancel the running command of the robot, and all commands that wait.
+
+        The response has the command that was running, or an error code if no command was running.
+        """
         task = self.state.robot.cancel_tasks(self.state.now())
         self.state.notify()
         code = ERROR_NOTHING_TO_DO if task is None else SUCCESS
@@ -198,18 +240,23 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
             result=grpc_messages.result(code), command=grpc_messages.command_of(task))
 
     async def IsReady(self, request: pb2.EmptyRequest, context: Any) -> pb2.IsReadyResponse:
-        """Return that the robot is ready, which is always true here."""
+        """Respond that the robot is ready; the simulated robot is always ready."""
         return pb2.IsReadyResponse(ready=True)
 
     async def GetRobotErrorCodeJson(
             self, request: pb2.EmptyRequest, context: Any) -> pb2.GetRobotErrorCodeJsonResponse:
-        """Return the list of error codes and their texts."""
+        """Return a JSON list of the robot's error codes and their texts."""
         return pb2.GetRobotErrorCodeJsonResponse(
             json=ERRORS, result=grpc_messages.result(SUCCESS))
 
     async def GetStaticTransform(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetStaticTransformResponse:
-        """Return the fixed transforms: base_footprint to base_link, base_link to laser_frame."""
+        """
+        Return the two fixed transforms between frames of the robot.
+
+        They are the transforms from base_footprint to base_link, and from base_link to
+        laser_frame.
+        """
         cursor, _ = await self.values['constant'].get(request.metadata.cursor)
         stamp = self.state.clock.stamp()
         laser = grpc_messages.transform(LASER, BODY_FRAME, LASER_FRAME, stamp)
@@ -221,7 +268,11 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
     async def GetDynamicTransform(
             self, request: pb2.EmptyRequest, context: Any
             ) -> AsyncIterator[pb2.GetDynamicTransformResponse]:
-        """Stream the transforms map to odom and odom to base_footprint until a disconnect."""
+        """
+        Send two transforms to the client every 20 ms, until the client disconnects.
+
+        They are the transforms from map to odom, and from odom to base_footprint.
+        """
         cursor = 0
         while True:
             cursor, transforms = await self.values['transforms'].get(cursor)
@@ -249,13 +300,16 @@ def _check(value: int, highest: int) -> int:
 
 def _reading(name: str, value: str, fields: Callable[[Any], dict[str, Any]]) -> Callable[..., Any]:
     """
-    Return the gRPC call that reads a value.
+    Make the gRPC call that reads one value of the robot.
 
-    The call waits until the value is newer than the client's value.
+    Each version of the value has a cursor, a number that identifies the version.  The client sends
+    the cursor of the version that it has.  If this is the newest version, the call waits for the
+    next one.  Otherwise the call returns the newest version at once.
 
-    :param name: the name of the call
+    :param name: the name of the gRPC call
     :param value: the name of the value
-    :param fields: returns the fields of the response for the value
+    :param fields: a function that converts the value to the fields of the response
+    :returns: the coroutine function of the gRPC call
     """
     async def call(self: SimulatedKachakaServicer, request: pb2.GetRequest, _: Any) -> Any:
         cursor, newest = await self.values[value].get(request.metadata.cursor)

@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The state of the gRPC service: robot, clock, map transform, and values for long polls."""
+"""
+The data that the gRPC calls of the simulated robot use.
+
+They are the robot, its clock, the transform from map to odometry, and values of the robot.  A
+client can wait until such a value changes.
+"""
 
 from __future__ import annotations
 
@@ -30,33 +35,35 @@ class Clock:
     """
     The clocks of this machine: a steady clock, and the time of day.
 
-    Tests use a subclass whose time they set.  They wake the server after each change of the time.
+    A test can use a subclass with a time that the test sets.  The test must wake the gRPC server
+    after each change of the time.
     """
 
     def now(self) -> float:
-        """Return the time of the steady clock [s], which the robot uses."""
+        """Return the time of the steady clock [s], which is the time of the robot."""
         return time.monotonic()
 
     def stamp(self) -> int:
-        """Return the time of day for message headers [ns since 1970]."""
+        """Return the time of day [ns since 1970], for time stamps of messages."""
         return time.time_ns()
 
     def delay(self, until: float) -> float | None:
         """
-        Return how long to wait until a time.
+        Return how long the server may wait until the steady clock has reached a time.
 
         :param until: the time [s, steady clock]
-        :returns: the duration of the wait [s]; None for no limit, if a test sets the time and
-            wakes the server
+        :returns: the duration of the wait [s]; 0 if the time has passed.  A subclass for tests
+            returns None, which means that the wait lasts until the test wakes the server
         """
         return max(until - self.now(), 0.0)
 
 
 class MapToOdom:
     """
-    The transform between the map frame and the odometry frame.
+    The transform between the map frame and the odometry frame of the robot.
 
-    It is the identity until ``correct()`` is called.
+    At first, both frames have the same origin and the same direction.  ``correct()`` changes the
+    transform.
     """
 
     def __init__(self) -> None:
@@ -73,24 +80,25 @@ class MapToOdom:
 
     def correct(self, map_pose: Pose, odometry_pose: Pose) -> None:
         """
-        Set the transform so that ``to_map()`` converts the odometry pose to the map pose.
+        Change the transform so that it converts a given odometry pose to a given map pose.
 
         :param map_pose: the pose of the robot in the map frame
-        :param odometry_pose: the pose of the robot in the odometry frame
+        :param odometry_pose: the pose of the robot in the odometry frame at the same time
         """
         self.offset = compose(map_pose, relative_to(odometry_pose, ORIGIN))
 
 
 class SimulatorState:
     """
-    The robot, its clock, and the transform between map and odometry.
+    The simulated robot, its clock, and the transform between map and odometry.
 
-    All code that uses this object runs in one event loop, so no lock is needed.  Code that changes
-    the robot must call ``notify()`` to wake all waiting calls.  ``run()`` does this when the robot
-    changes automatically, for example when manual control expires.
+    All code that uses this object runs in one asyncio event loop, so no lock is needed.  gRPC
+    calls can wait until the robot changes.  Code that changes the robot must call ``notify()`` to
+    wake these calls.  ``run()`` wakes them when the robot changes without a request, for example
+    when manual control, the mode in which the robot follows velocities, ends after 60 s.
 
-    :param robot: the robot; from now on, code outside of the event loop must not call it
-    :param clock: the clock of the robot
+    :param robot: the simulated robot; from now on, code outside of the event loop must not use it
+    :param clock: the clock that gives the robot its time
     """
 
     def __init__(self, robot: SimulatedKachaka, clock: Clock) -> None:
@@ -101,25 +109,30 @@ class SimulatorState:
         self._cursor = 0
 
     def now(self) -> float:
-        """Return the time of the steady clock [s]."""
+        """Return the time of the steady clock [s], which is the robot's time."""
         return self.clock.now()
 
     def notify(self) -> None:
-        """Wake all calls that wait for a change of the robot or its values."""
+        """Wake all gRPC calls that wait for a change of the robot, because it has changed."""
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()
 
     def new_cursor(self) -> int:
-        """Return a new cursor, a number that neither this nor an earlier process has used."""
+        """
+        Return a new cursor, a number that identifies one version of a value.
+
+        Neither this process nor an earlier process on this machine has used the number, if the
+        machine was not restarted between them.
+        """
         # The cursors of the real robot are times, too.
         self._cursor = max(self._cursor + 1, int(self.now() * 1e9))
         return self._cursor
 
     async def wait(self, until: float = math.inf) -> None:
         """
-        Wait until ``notify()`` is called, or until a time.
+        Wait until ``notify()`` is called, or until a time is reached.
 
-        :param until: the time [s, steady clock]; infinity for no limit
+        :param until: the time [s, steady clock]; infinity to wait only for ``notify()``
         """
         timeout = self.clock.delay(until) if math.isfinite(until) else None
         with contextlib.suppress(asyncio.TimeoutError):
@@ -129,9 +142,9 @@ class SimulatorState:
 
     async def run(self) -> None:
         """
-        Wake all waiting calls each time that the robot changes automatically.
+        Wake all waiting gRPC calls each time that the robot changes without a request.
 
-        This coroutine runs until it is cancelled.
+        An example is the end of a command.  This coroutine runs until it is cancelled.
         """
         while True:
             change_time = self.robot.next_change(self.now())
@@ -146,14 +159,17 @@ T = TypeVar('T')
 
 class LongPollValue(Generic[T]):
     """
-    A value with a cursor for long polls, as in docs/GRPC.md of pf-robotics/kachaka-api.
+    A value of the robot for gRPC calls that wait until the value changes (long polls).
 
-    A client sends the cursor of its last value.  If this is the newest value, the call waits for a
-    newer value.  For any other cursor, and for 0, the call returns the newest value at once.
+    Each version of the value has a cursor, a number that identifies the version; see docs/GRPC.md
+    of pf-robotics/kachaka-api.  A client sends the cursor of the version that it has.  If this
+    version is the newest one, the call waits for the next version.  For any other cursor, and for
+    0, the call returns the newest version at once.
 
-    :param state: the robot and its clock
-    :param read: returns the value; called with the time [s, steady clock]
-    :param period: the update period of the value [s]; 0 to update when the value changes
+    :param state: the simulated robot and its clock
+    :param read: a function that returns the value now; its argument is the time [s, steady clock]
+    :param period: the time between two versions of the value [s]; 0 if there is a new version only
+        when the value has changed
     """
 
     def __init__(
@@ -167,10 +183,11 @@ class LongPollValue(Generic[T]):
 
     async def get(self, cursor: int) -> tuple[int, T]:
         """
-        Wait until the value is newer than the client's value.
+        Return the newest value; if the client already has this value, wait for the next one.
 
-        :param cursor: the cursor of the client's value; 0 if the client has none
-        :returns: the cursor of the newest value, and the value
+        :param cursor: the cursor of the client's value, a number that identifies this version of
+            the value; 0 if the client has no value
+        :returns: the cursor of the newest value, and this value
         """
         while True:
             self._refresh()

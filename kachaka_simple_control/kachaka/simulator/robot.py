@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The simulated robot: manual control, velocities, tasks, docking and pause."""
+"""
+The simulated Kachaka robot, which follows velocities and executes tasks.
+
+It also simulates manual control, the charging dock, and the power button.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +48,12 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 
 
 class TimedState(Enum):
-    """The states of the robot that end automatically after a time."""
+    """
+    The states of the simulated robot that end at a stored time.
+
+    They are: manual control is on, the robot follows a velocity, the robot leaves its dock, and
+    the robot executes a task.
+    """
 
     MANUAL_CONTROL = 'manual control'
     #: the robot keeps the last velocity until the command timeout
@@ -59,16 +68,19 @@ class SimulatedKachaka:
     """
     A simulated Kachaka that behaves like the real robot behind its gRPC service.
 
-    The parameter ``now`` of each method is the time of a steady clock [s].  If it is earlier than
-    in a previous call, the latest time so far is used.  Most methods that change the robot return
-    0 or an error code.  Behaviour that is called assumed is not documented by the manufacturer.
-    The class is not thread-safe.
+    The robot follows velocities while manual control is on.  Otherwise it can execute tasks, which
+    are sequences of motions and standstills.  The manufacturer does not document all behaviour of
+    the real robot; where it is not documented, the docstrings call it assumed.
+
+    The parameter ``now`` of each method is the current time of a steady clock [s].  If it is
+    earlier than in a previous call, the latest time so far is used.  Most methods that change the
+    robot return 0 for success, or an error code.  The class is not thread-safe.
 
     :param start: the current time [s, steady clock]
-    :param parameters: the deviations of drive and odometry from an ideal robot
+    :param parameters: the deviations of the drive and of odometry from an ideal robot
     :param docked: whether the robot starts on its charging dock
-    :param seed: the seed of all noise; with the same seed, the same calls at the same times return
-        the same values
+    :param seed: the seed of all random noise; with the same seed, the same calls at the same times
+        return the same values
     """
 
     def __init__(
@@ -86,15 +98,17 @@ class SimulatedKachaka:
 
     def set_manual_control(self, enabled: bool, now: float) -> int:
         """
-        Switch manual control on for 60 s, or off.
+        Switch manual control, the mode in which the robot follows velocities, on for 60 s or off.
 
-        Switching it on cancels all tasks.  This is assumed, not documented by the manufacturer.  A
-        docked robot leaves its dock before it follows velocities.  Switching it off stops the
-        robot, unless the robot is leaving its dock.
+        When manual control is switched on, all tasks are cancelled, and a docked robot first
+        leaves its dock.  That the tasks are cancelled is assumed, not documented by the
+        manufacturer.  When manual control is switched off, the robot stops, unless it is just
+        leaving its dock.
 
-        :param enabled: whether to switch manual control on
-        :param now: the time [s, steady clock]
-        :returns: 0, or the error code if the robot is paused and must not switch it on
+        :param enabled: true to switch manual control on, false to switch it off
+        :param now: the current time [s, steady clock]
+        :returns: 0 for success; an error code if manual control cannot be switched on, because the
+            robot is paused
         """
         now = self._advance(now)
         if enabled and self._is_paused:
@@ -109,16 +123,19 @@ class SimulatedKachaka:
 
     def set_robot_velocity(self, linear: float, angular: float, now: float) -> int:
         """
-        Drive with a velocity until the next velocity, or until the command timeout.
+        Drive with a velocity until the next velocity, or until the command timeout of 0.3 s.
 
-        The velocity is clipped to the limits.  While the robot leaves its dock, it ignores the
-        velocity without an error.  Both are assumed, not documented by the manufacturer.
+        A velocity above the robot's limits is clipped to them.  While the robot leaves its dock,
+        it ignores the velocity and returns no error.  The clipping and the ignoring are assumed,
+        not documented by the manufacturer.
 
-        :param linear: the forward velocity as a fraction of the largest one, -1 to 1
-        :param angular: the turning velocity as a fraction of the largest one, -1 to 1,
-            counter-clockwise positive
-        :param now: the time [s, steady clock]
-        :returns: 0, or the error code if the robot refuses the velocity
+        :param linear: the forward velocity as a fraction of the robot's largest forward velocity,
+            -1 to 1
+        :param angular: the turning velocity as a fraction of the robot's largest turning velocity,
+            -1 to 1, counter-clockwise positive
+        :param now: the current time [s, steady clock]
+        :returns: 0 for success; an error code if manual control is off, the robot is paused, or
+            the velocity is infinite or NaN
         """
         now = self._advance(now)
         if not (math.isfinite(linear) and math.isfinite(angular)):
@@ -137,16 +154,16 @@ class SimulatedKachaka:
 
     def start_task(self, task: Task, now: float, drop_others: bool = True) -> int:
         """
-        Start a task, and end manual control.
+        Start a task, which is a sequence of motions and standstills, and end manual control.
 
-        If the task moves the robot, a docked robot leaves its dock first.  Both are assumed, not
-        documented by the manufacturer.
+        If the task moves a docked robot, the robot first leaves its dock.  The motion off the dock
+        and the end of manual control are assumed, not documented by the manufacturer.
 
         :param task: the task
-        :param now: the time [s, steady clock]
-        :param drop_others: whether to cancel all other tasks; if not, the task waits until they
-            have ended
-        :returns: 0, or the error code if the robot refuses the task
+        :param now: the current time [s, steady clock]
+        :param drop_others: true to cancel all other tasks; false to start the new task when all
+            other tasks have ended
+        :returns: 0 for success; an error code if the robot is paused and the task would move it
         """
         now = self._advance(now)
         if self._is_paused and task.moves:
@@ -164,7 +181,12 @@ class SimulatedKachaka:
         return SUCCESS
 
     def cancel_tasks(self, now: float) -> Task | None:
-        """Cancel all tasks, and return the task that was running, or None."""
+        """
+        Cancel the running task and all waiting tasks.
+
+        :param now: the current time [s, steady clock]
+        :returns: the task that was running, or None
+        """
         now = self._advance(now)
         task = self._tasks.current
         self._drop_tasks(ERROR_CANCELLED, now)
@@ -172,10 +194,12 @@ class SimulatedKachaka:
 
     def end_standstill(self, now: float) -> int:
         """
-        End the current action early, if it is a standstill that a client may end.
+        End the standstill of a running task early, if clients may end it.
 
-        :param now: the time [s, steady clock]
-        :returns: 0, or the error code if there is no such action
+        The task then continues with its next action.
+
+        :param now: the current time [s, steady clock]
+        :returns: 0 for success; an error code if the robot does not execute such a standstill
         """
         now = self._advance(now)
         if not self._tasks.end_standstill(now):
@@ -188,8 +212,12 @@ class SimulatedKachaka:
         """
         Stop and pause the robot, as its power button does.
 
-        This ends manual control, all tasks and undocking, so that the robot does not move after
-        the pause.  The end of undocking is assumed, not documented by the manufacturer.
+        A paused robot refuses to move.  The stop also ends manual control, all tasks and the
+        motion off the dock, so that the robot still stands when the pause ends.  That the motion
+        off the dock ends is assumed, not documented by the manufacturer.
+
+        :param now: the current time [s, steady clock]
+        :returns: 0, because this is always successful
         """
         now = self._advance(now)
         self._drop_tasks(ERROR_PAUSED, now)
@@ -199,66 +227,120 @@ class SimulatedKachaka:
         return SUCCESS
 
     def press_power_button(self, now: float) -> None:
-        """Pause the robot, or end the pause if the robot is paused."""
+        """
+        Stop and pause the robot; if the robot is paused already, end the pause.
+
+        A paused robot refuses to move.
+
+        :param now: the current time [s, steady clock]
+        """
         if self._is_paused:
             self._is_paused = False
         else:
             self.set_emergency_stop(now)
 
     def task(self, now: float) -> Task | None:
-        """Return the running task, or None if there is none."""
+        """
+        Return the task that the robot executes, or None if it executes none.
+
+        :param now: the current time [s, steady clock]
+        """
         self._advance(now)
         return self._tasks.current
 
     def task_results(self, now: float) -> tuple[TaskResult, ...]:
-        """Return the results of the last 100 tasks, newest last."""
+        """
+        Return the results of the last 100 tasks that have ended, newest last.
+
+        :param now: the current time [s, steady clock]
+        """
         self._advance(now)
         return tuple(self._tasks.results)
 
     def errors(self, now: float) -> tuple[int, ...]:
-        """Return the codes of the current errors."""
+        """
+        Return the codes of the robot's current errors.
+
+        The only possible error is that the robot is paused.
+
+        :param now: the current time [s, steady clock]
+        """
         self._advance(now)
         return (ERROR_PAUSED,) if self._is_paused else ()
 
     def manual_control(self, now: float) -> bool:
-        """Return whether manual control is on."""
+        """
+        Return whether manual control is on, the mode in which the robot follows velocities.
+
+        :param now: the current time [s, steady clock]
+        """
         self._advance(now)
         return TimedState.MANUAL_CONTROL in self._until
 
     def actions_to_dock(self, now: float) -> tuple[Action, ...]:
-        """Return the actions that drive the robot to its dock; empty if it is docked."""
+        """
+        Return the motions that bring the robot to its charging dock.
+
+        :param now: the current time [s, steady clock]
+        :returns: the motions, in order; no motions if the robot is docked
+        """
         parameters = self._parameters
         return () if self.is_docked(now) else plan_docking(
             self.dock, parameters.undock_distance, parameters.undock_velocity)
 
     def is_docked(self, now: float) -> bool:
-        """Return whether the robot stands on its charging dock; false during undocking."""
+        """
+        Return whether the robot stands on its charging dock.
+
+        This is false from the moment when the robot begins to leave the dock.
+
+        :param now: the current time [s, steady clock]
+        """
         self._advance(now)
         return self._is_docked
 
     def next_change(self, now: float) -> float:
-        """Return the time of the robot's next automatic change [s]; infinity if none is due."""
+        """
+        Return when the robot will change next without a request.
+
+        An example is the end of manual control after 60 s.
+
+        :param now: the current time [s, steady clock]
+        :returns: the time of the change [s, steady clock]; infinity if no change is due
+        """
         self._advance(now)
         return min(self._until.values(), default=math.inf)
 
     def state(self, now: float) -> tuple[Pose, Velocity]:
-        """Return the true pose relative to the start pose, and the true velocity."""
+        """
+        Return the robot's true pose relative to its start pose, and its true velocity.
+
+        :param now: the current time [s, steady clock]
+        """
         return self._drive.state_at(self._advance(now))
 
     def odometry(self, now: float) -> tuple[Pose, Velocity]:
-        """Return the odometry pose with noise, and the odometry velocity."""
+        """
+        Return the pose and the velocity in the robot's odometry; the pose has random noise.
+
+        :param now: the current time [s, steady clock]
+        """
         return self._drive.odometry_at(self._advance(now))
 
     @property
     def has_wrong_odometry(self) -> bool:
-        """Return whether the odometry pose differs from the true pose, even without noise."""
+        """Return whether odometry has systematic errors, such as a wrong wheel diameter."""
         return self._parameters.floor is not None
 
     def _advance(self, now: float) -> float:
         """
-        Simulate until a time, and end each timed state at its end time.
+        Simulate the robot until a time.
 
-        :returns: the time, or the latest time of all calls if that is later
+        States of the robot that end within this time, such as manual control, are ended at their
+        end times.
+
+        :param now: the time [s, steady clock]
+        :returns: the latest time of this call and all earlier calls [s, steady clock]
         """
         self._now = max(self._now, now)
         while self._until:
@@ -279,7 +361,14 @@ class SimulatedKachaka:
             self._drive.set_target(ZERO, now)
 
     def _run_tasks(self, now: float) -> None:
-        """Run one control period of the current task, or of the next task if it has ended."""
+        """
+        Compute the velocity of the running task, and set the time of the next computation.
+
+        If the task has ended, the next waiting task is started.  If no task waits, the robot
+        stops.  A docked robot leaves its dock before it executes a task with a motion.
+
+        :param now: the current time [s, steady clock]
+        """
         while (task := self._tasks.current) is not None:
             if self._is_docked and task.moves:
                 self._is_docked = False

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Tasks of the simulated robot: their actions, the controller of an action, and the queue."""
+"""
+Tasks of the simulated robot, the controller of their actions, and their queue.
+
+A task is a sequence of actions.  An action is a straight line, a turn in place, or a standstill.
+"""
 
 from __future__ import annotations
 
@@ -49,10 +53,10 @@ class MotionAction:
     """
     An action that moves the robot: one straight line or one turn in place.
 
-    :param length: returns the signed distance [m] or angle [rad] of the action; called with the
-        pose at the start of the action
-    :param is_turn: whether the action is a turn
-    :param speed: the largest speed [m/s, rad/s]; 0 for the largest speed of the robot
+    :param length: a function that returns the distance [m], negative backwards, or the angle
+        [rad], counter-clockwise positive; its argument is the pose at the start of the action
+    :param is_turn: true for a turn, false for a straight line
+    :param speed: the largest speed [m/s or rad/s]; 0 for the largest speed of the robot
     """
 
     length: Callable[[Pose], float]
@@ -62,7 +66,7 @@ class MotionAction:
 
 def drive_straight(distance: float, speed: float = 0.0) -> MotionAction:
     """
-    Return an action that drives straight.
+    Return an action that drives the robot straight.
 
     :param distance: the distance [m], negative backwards
     :param speed: the largest speed [m/s]; 0 for the largest speed of the robot
@@ -72,7 +76,7 @@ def drive_straight(distance: float, speed: float = 0.0) -> MotionAction:
 
 def turn_in_place(angle: float) -> MotionAction:
     """
-    Return an action that turns in place.
+    Return an action that turns the robot in place.
 
     :param angle: the angle [rad], counter-clockwise positive; it may be more than a full turn
     """
@@ -85,7 +89,7 @@ class StandStill:
     An action in which the robot stands still for a time.
 
     :param duration: the time [s]
-    :param can_be_ended: whether a client may end the action early
+    :param can_be_ended: whether a client may end the standstill early
     """
 
     duration: float
@@ -99,9 +103,9 @@ def plan_to_pose(pose: Pose) -> tuple[Action, ...]:
     """
     Return the actions to reach a pose: a turn, a straight line and a second turn.
 
-    Each turn is at most half a full turn.  Obstacles are not considered.
+    Each turn takes the shorter direction.  Obstacles are not considered.
 
-    :param pose: the pose in odometry
+    :param pose: the pose to reach, in the odometry frame
     """
     def distance(start: Pose) -> float:
         return math.hypot(pose.x - start.x, pose.y - start.y)
@@ -124,21 +128,24 @@ def plan_docking(dock: Pose, distance: float, speed: float) -> tuple[Action, ...
     """
     Return the actions to dock: drive to a pose in front of the dock, then backwards onto it.
 
-    :param dock: the pose of the docked robot in odometry
+    :param dock: the pose of the docked robot, in the odometry frame
     :param distance: the distance to drive backwards [m]
-    :param speed: the backward speed [m/s]
+    :param speed: the speed of the backward motion [m/s]
     """
     return (*plan_to_pose(advance(dock, distance, 0.0)), drive_straight(-distance, speed))
 
 
 class ActionController:
     """
-    The closed-loop controller of one action, which corrects gains and noise of the drive.
+    The controller of one action: a straight line, a turn in place, or a standstill.
+
+    For a motion, it computes each velocity from the current pose (closed loop).  So the robot
+    reaches the goal although its drive has a wrong gain or noise.
 
     :param action: the action
     :param start: the pose at the start of the action
     :param now: the start time of the action [s]
-    :param parameters: the parameters of the drive
+    :param parameters: the parameters of the robot's drive
     """
 
     def __init__(
@@ -165,13 +172,13 @@ class ActionController:
     def step(
             self, pose: Pose, velocity: Velocity, now: float) -> tuple[Velocity, float] | bool:
         """
-        Run one control step of the action.
+        Compute the next velocity of the action, or detect that the action has ended.
 
         :param pose: the current pose
         :param velocity: the current velocity
-        :param now: the time [s]
-        :returns: the next velocity and the time of the next step [s]; at the end of the action
-            instead a bool, whether the action has succeeded
+        :param now: the current time [s]
+        :returns: the next velocity and the time of the next step [s].  If the action has ended, a
+            bool is returned instead: true if the action was successful
         """
         action = self._action
         if isinstance(action, StandStill):
@@ -210,11 +217,11 @@ class ActionController:
 @dataclass(frozen=True)
 class Task:
     """
-    A task of the robot: a sequence of actions.
+    A task of the robot: a sequence of straight lines, turns in place and standstills.
 
     :param identity: the unique name of the task
-    :param actions: the actions, in order
-    :param ends_docked: whether the robot is docked after the last action
+    :param actions: the lines, turns and standstills, in order
+    :param ends_docked: whether the robot is on its dock after the last action
     :param note: data of the client, stored with the task
     """
 
@@ -225,14 +232,14 @@ class Task:
 
     @property
     def moves(self) -> bool:
-        """Return whether an action of the task moves the robot."""
+        """Return whether at least one action of the task moves the robot."""
         return not all(isinstance(action, StandStill) for action in self.actions)
 
 
 @dataclass(frozen=True)
 class TaskResult:
     """
-    The result of a task.
+    The result of a task of the robot.
 
     :param task: the task
     :param code: 0 for success, else the error code
@@ -243,15 +250,18 @@ class TaskResult:
 
     @property
     def is_success(self) -> bool:
-        """Return whether all actions of the task succeeded."""
+        """Return whether all actions of the task were successful."""
         return self.code == SUCCESS
 
 
 class TaskQueue:
     """
-    The queue of tasks of one robot; the robot executes one task after another.
+    The queue of the tasks of one robot.
 
-    :param parameters: the parameters of the drive
+    The robot executes one task after another.  A task is a sequence of actions: straight lines,
+    turns in place and standstills.
+
+    :param parameters: the parameters of the robot's drive
     """
 
     def __init__(self, parameters: SimulationParameters) -> None:
@@ -264,28 +274,42 @@ class TaskQueue:
         self.results: deque[TaskResult] = deque(maxlen=MAX_RESULTS)
 
     def add(self, task: Task) -> None:
-        """Add a task at the end of the queue."""
+        """
+        Add a task at the end of the queue.
+
+        If the robot executes no task now, the new task becomes the current task at once.
+
+        :param task: the task
+        """
         self._waiting.append(task)
         if self.current is None:
             self._start_next()
 
     def drop_all(self, code: int) -> None:
-        """End all tasks, and store the error code as the result of each task."""
+        """
+        End the current task and all waiting tasks without success.
+
+        :param code: the error code, which is stored as the result of each of these tasks
+        """
         dropped = [] if self.current is None else [self.current]
         self.results.extend(TaskResult(task, code) for task in (*dropped, *self._waiting))
         self._waiting.clear()
         self._start_next()
 
     def prepend(self, action: Action) -> None:
-        """Insert an action before the remaining actions of the current task."""
+        """
+        Insert an action before all remaining actions of the current task.
+
+        :param action: the action: a straight line, a turn in place or a standstill
+        """
         self._actions.appendleft(action)
 
     def end_standstill(self, now: float) -> bool:
         """
-        End the current action early, if it is a standstill that a client may end.
+        End the standstill of the current task early, if clients may end it.
 
-        :param now: the time [s]
-        :returns: whether the current action is such a standstill
+        :param now: the current time [s]
+        :returns: true if the robot executes such a standstill, else false
         """
         if self._controller is None or not isinstance(
                 action := self._actions[0], StandStill) or not action.can_be_ended:
@@ -297,15 +321,15 @@ class TaskQueue:
             self, pose: Pose, velocity: Velocity,
             now: float) -> tuple[Velocity, float] | TaskResult:
         """
-        Run one control step of the current task.
+        Compute the next velocity of the current task, or detect that the task has ended.
 
-        When the task has ended, the next task in the queue becomes the current task.
+        If the current task has ended, the next task in the queue becomes the current task.
 
         :param pose: the current pose
         :param velocity: the current velocity
-        :param now: the time [s]
-        :returns: the next velocity and the time of the next step [s]; at the end of the task
-            instead the result of the task
+        :param now: the current time [s]
+        :returns: the next velocity and the time of the next step [s].  If the task has ended, its
+            result is returned instead
         """
         while self._actions:
             if self._controller is None:
