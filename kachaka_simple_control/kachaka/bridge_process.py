@@ -60,6 +60,7 @@ def simulated_bridge(
     :param namespace: the ROS namespace of the robot's topics and service
     :param options: more command line options for the child process, the program ``kachaka_bridge``
     :returns: a context manager, which gives the block a ``BridgeProcess``
+    :raises RobotNotFoundError: if another bridge already uses the same ROS names
     :raises ControlError: if the process ends before the block ends; if the block has raised
         another error, the ``ControlError`` is raised in its place
     """
@@ -79,9 +80,11 @@ def real_bridge(address: str, namespace: str = KACHAKA.namespace) -> Iterator[Br
     :param address: the network address of the robot, HOST or HOST:PORT
     :param namespace: the ROS namespace of the robot's topics and service
     :returns: a context manager, which gives the block a ``BridgeProcess``
-    :raises RobotNotFoundError: if no robot responds
-    :raises ControlError: if the process ends before the block ends; if the block has raised
-        another error, the ``ControlError`` is raised in its place
+    :raises RobotNotFoundError: if no robot responds, or if another bridge already uses the same
+        ROS names
+    :raises ControlError: if the bridge is not ready within 20 s, or if the process ends before the
+        block ends; if the block has raised another error, the ``ControlError`` is raised in its
+        place
     """
     with _running(BridgeProcess(
             ['--address', address, '--give-up', '--namespace', namespace],
@@ -149,8 +152,8 @@ class BridgeProcess:
 
         Use this only after the process has ended.  All calls return the same object.
 
-        :returns: a ``RobotNotFoundError`` if the child process found no robot, else a
-            ``ControlError``
+        :returns: a ``RobotNotFoundError`` if the child process found no robot, or another bridge
+            with the same ROS names; else a ``ControlError``
         """
         if self._failure is None:
             # The last line of the process may not be read yet.
