@@ -180,7 +180,7 @@ class LatestCommand:
             self._motion = command
 
     def request_stop(self) -> None:
-        """Drop the stored velocity command, and store that a stop must be sent first."""
+        """Drop the stored velocity command, and require a stop before any new command."""
         self.clear()
         self.stop_pending = True
 
@@ -310,7 +310,7 @@ class CommandArbiter:
         """
         Return the time at which to call ``next_request()`` again [s, steady clock], or None.
 
-        If no velocity is received before this time, the robot must be stopped then.  None means
+        If no velocity is received before this time, a stop must be sent at this time.  None means
         that ``next_request()`` must be called again only after a command or a response is
         received.
         """
@@ -318,7 +318,7 @@ class CommandArbiter:
 
     def on_command(self, command: VelocityCommand) -> None:
         """
-        Process a velocity command that was received.
+        Store a velocity command that was received, so that ``next_request()`` can return it.
 
         After a fault, such as a refused call, commands are ignored until a zero velocity is
         received, or until a command is received after a pause of 1 s.
@@ -353,7 +353,7 @@ class CommandArbiter:
 
     def on_response(self, request: RpcRequest, result: RpcResult, now: float) -> None:
         """
-        Process the result of a gRPC call that has ended.
+        Use the result of a gRPC call to decide which calls to make next.
 
         :param request: the gRPC call, which ``next_request()`` has returned earlier
         :param result: the result of the call
@@ -385,7 +385,7 @@ class CommandArbiter:
         """
         Drop all waiting velocities, stop the robot if it may be moving, and ignore new velocities.
 
-        New velocities are ignored until their publisher sends a zero velocity, or nothing for 1 s.
+        This ends when the publisher of the velocities sends a zero velocity, or nothing for 1 s.
         """
         self.is_blocked = True
         self.cancel_motion()
