@@ -11,4 +11,8 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Read and write motions and robots as YAML files; errors name the file and the line."""
+"""
+Read motions and robot profiles from YAML files, and write motions to YAML files.
+
+Error messages name the file and the line.
+"""

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The values of a file with their line numbers, and the problems found in the file.
+Store the values of a YAML file with their line numbers, and collect the problems in the file.
 
-A JSON Schema defines which values a file may have.  This module writes the error messages for all
-other values.
+A JSON Schema defines which values a file may have.  For each value that the schema forbids, this
+module writes an error message.
 """
 
 from __future__ import annotations
@@ -55,12 +55,12 @@ _PART = re.compile(r'\[([0-9]+)\]|([^.\[\]]+)')
 @dataclass(frozen=True)
 class Problem:
     """
-    One problem in a file.
+    One problem in a file, such as a wrong value, with its place in the file.
 
     :param text: the description of the problem, in one line
-    :param line: the line number, counted from 1; None for the file as a whole
-    :param path: the path of the value, as in ``steps[2].turn.speed``; empty for a problem
-        without such a value
+    :param line: the line number of the problem, counted from 1; None if no line is known
+    :param path: the keys and list indices that lead to the wrong value, as in
+        ``steps[2].turn.speed``; empty if the problem is not about a certain value
     """
 
     text: str
@@ -68,7 +68,12 @@ class Problem:
     path: str = ''
 
     def __str__(self) -> str:
-        """Return the problem as text without the line number; the text counts steps from 1."""
+        """
+        Return the path and the description of the problem, as in ``step 3: turn.speed: ...``.
+
+        The text counts steps from 1, so ``steps[2]`` in the path becomes ``step 3``.  The text
+        does not contain the line number.
+        """
         place = _STEP.sub(
             lambda found: f'{": " * (found[0][0] == ".")}step {int(found[1]) + 1}: ', self.path)
         return f'{place.removesuffix(": ")}: {self.text}' if place else self.text
@@ -76,9 +81,11 @@ class Problem:
 
 class UnreadableFileError(Exception):
     """
-    A file cannot be read; ``FileError.naming()`` converts this to an error with the file name.
+    A file or a text cannot be read; this error does not know the name of the file.
 
-    :ivar problems: the problems of the file, at least one
+    ``FileError.naming()`` replaces this error by an error whose message contains the name.
+
+    :ivar problems: the problems found in the file, at least one
     """
 
     def __init__(self, *problems: Problem) -> None:
@@ -88,10 +95,12 @@ class UnreadableFileError(Exception):
 
 class FileError(ControlError):
     """
-    A file could not be read; the message has one line for each problem.
+    A file cannot be read or used.
+
+    The message has one line for each of the first MAX_LINES problems in the file.
 
     :ivar source: the name of the file
-    :ivar problems: the problems of the file, sorted by line, without duplicates
+    :ivar problems: the problems found in the file, sorted by line, without duplicates
     """
 
     def __init__(self, source: str, problems: Iterable[Problem]) -> None:
@@ -103,7 +112,14 @@ class FileError(ControlError):
     @classmethod
     @contextmanager
     def naming(cls, source: str) -> Iterator[None]:
-        """Convert an ``UnreadableFileError`` to an error of this class that names the file."""
+        """
+        Return a context manager that adds a file name to an ``UnreadableFileError``.
+
+        If the ``with`` block raises an ``UnreadableFileError``, an error of this class is raised
+        instead.  Its message contains the file name.
+
+        :param source: the name of the file
+        """
         try:
             yield
         except UnreadableFileError as error:
@@ -111,15 +127,18 @@ class FileError(ControlError):
 
 
 class MotionFileError(FileError, InvalidMotionError):
-    """A motion could not be read from a file."""
+    """A motion cannot be read from a file or written to a file, or a robot cannot drive it."""
 
 
 def format_problems(source: str, problems: Sequence[Problem]) -> str:
     """
-    Return an error message with a line for each problem: ``square.yaml:7: step 3: turn: ...``.
+    Return an error message with one line for each problem in a file.
+
+    A line of the message is, for example, ``square.yaml:7: step 3: turn: ...``.  Only the first
+    MAX_LINES problems are shown.  If there are more, a last line says how many.
 
     :param source: the name of the file
-    :param problems: the problems of the file, in order
+    :param problems: the problems, in the order in which the message shows them
     """
     is_short = source and source.isprintable() and len(source) <= MAX_NAME
     name = source if is_short else quoted(source, MAX_NAME)
@@ -130,28 +149,43 @@ def format_problems(source: str, problems: Sequence[Problem]) -> str:
 
 
 def is_path(name_or_path: str) -> bool:
-    """Return whether a text is a file path: a path has a dot or a slash, a name has neither."""
+    """
+    Return whether a text is the path of a file, and not a name.
+
+    A text with a dot or a slash is a path.  Any other text is the name of a motion or of a robot
+    that comes with the package.
+
+    :param name_or_path: the text
+    """
     return bool(set(name_or_path) & {'.', '/', os.sep})
 
 
 def location(source: str, line: int | None) -> str:
     """
-    Return file and line as ``file:line``, which terminals and editors show as a link.
+    Return a place in a file as ``file:line``, which terminals and editors show as a link.
 
     :param source: the name of the file
-    :param line: the line number, counted from 1; None for the file itself
+    :param line: the line number, counted from 1; None to return only the name of the file
     """
     return source if line is None else f'{source}:{line}'
 
 
 def format_path(path: KeyPath) -> str:
-    """Return the path of a value as text, as in ``steps[2].turn.speed``."""
+    """
+    Return a path of keys and list indices as text, as in ``steps[2].turn.speed``.
+
+    :param path: the keys of mappings and the indices of lists that lead to a value in a file
+    """
     parts = [f'[{part}]' if isinstance(part, int) else f'.{_key(part)}' for part in path]
     return ''.join(parts).removeprefix('.')
 
 
 def parse_path(path: str) -> KeyPath:
-    """Return the path of a value from its text: the inverse of ``format_path()``."""
+    """
+    Convert a text such as ``steps[2].turn.speed`` to a list of keys and list indices.
+
+    :param path: the text
+    """
     return [key or int(index) for index, key in _PART.findall(path)]
 
 
@@ -164,12 +198,12 @@ class Node:
     """
     A value in a file, with its line number and its nested values.
 
-    :param line: the line of the value's key, or if there is no key, the first line of the value;
-        counted from 1
-    :param data: the value, of a JSON type
-    :param children: the nested values, by key or index
-    :param is_bad: whether the YAML reader recorded a problem with this value
-    :param has_problem: whether the value or a nested value has a problem
+    :param line: the line number of the key of the value, counted from 1; for a value without a
+        key, the line in which the value begins
+    :param data: the value: a dict, list, str, int, float, bool or None
+    :param children: if the value is a mapping or a list, the values in it, by key or index
+    :param is_bad: whether a problem with this value was found while the YAML text was parsed
+    :param has_problem: whether any problem was found with this value or with a value nested in it
     """
 
     line: int
@@ -180,9 +214,11 @@ class Node:
 
     def along(self, path: KeyPath) -> list[Node]:
         """
-        Return this value and the nested values along a path, as far as they exist.
+        Return a list of all values on a path that leads from this value to a nested value.
 
-        :param path: keys and indices, relative to this value
+        The list begins with this value.  It ends early if the rest of the path does not exist.
+
+        :param path: the keys and list indices that lead from this value to the nested value
         """
         found = [self]
         for part in path:
@@ -193,9 +229,11 @@ class Node:
 
     def at(self, path: KeyPath) -> Node:
         """
-        Return the value at the end of a path, or the last value on the path that exists.
+        Return the nested value to which a path leads.
 
-        :param path: keys and indices, relative to this value
+        If there is no such value, return the last value on the path that exists.
+
+        :param path: the keys and list indices that lead from this value to the nested value
         """
         return self.along(path)[-1]
 
@@ -203,9 +241,9 @@ class Node:
 @dataclass(eq=False)
 class Document:
     """
-    The values of a file, and the problems found in them.
+    The values of a file, and the problems found in the file.
 
-    :param root: the outermost value
+    :param root: the outermost value, which contains all other values of the file
     :param problems: the problems, in the order in which they were found
     """
 
@@ -214,11 +252,11 @@ class Document:
 
     def check(self, schema: Schema) -> None:
         """
-        Record a problem for each value that a schema forbids.
+        Compare the values with a JSON Schema, and record a problem for each forbidden value.
 
         :param schema: a JSON Schema, Draft 7
-        :raises UnreadableFileError: if jsonschema is not installed, or there are too many
-            problems
+        :raises UnreadableFileError: if jsonschema is not installed, or the number of problems
+            reaches MAX_PROBLEMS
         """
         try:
             from jsonschema import Draft7Validator
@@ -231,11 +269,14 @@ class Document:
 
     def add_problem(self, path: KeyPath, text: str) -> None:
         """
-        Record a problem with a value, unless the YAML reader has already recorded one.
+        Add a problem to the list ``problems``.
 
-        :param path: the path of the value
+        Nothing is added if a problem with the same value was already found while the YAML text was
+        parsed.
+
+        :param path: the keys and list indices that lead to the wrong value
         :param text: the description of the problem
-        :raises UnreadableFileError: if there are too many problems
+        :raises UnreadableFileError: if the number of problems reaches MAX_PROBLEMS
         """
         nodes = self.root.along(path)
         if len(nodes) > len(path) and nodes[-1].is_bad:
@@ -248,19 +289,22 @@ class Document:
 
     def add_error(self, path: KeyPath, error: InvalidMotionError) -> None:
         """
-        Record the error that occurred when an object was made from the values of a mapping.
+        Add a problem for values that a class has rejected, for example values out of range.
 
-        :param path: the path of the mapping
-        :param error: the error; its ``name`` may be a key of the mapping
+        :param path: the keys and list indices that lead to the mapping that contains the values
+        :param error: the error that the class has raised; its ``name`` is the key of the wrong
+            value, or None if the problem is about the whole mapping
         """
         self.add_problem(path if error.name is None else [*path, error.name], error.message)
 
     def read_quantity(self, path: KeyPath, quantity: Quantity) -> float | None:
         """
-        Return a value in its SI unit; if it is invalid, record a problem and return None.
+        Read a value such as ``90 deg`` from the file; return it as a number in its SI unit.
 
-        :param path: the path of the value
-        :param quantity: the expected quantity
+        If the value is invalid, record a problem and return None.
+
+        :param path: the keys and list indices that lead to the value
+        :param quantity: the kind of quantity that is expected, for example a length
         """
         value = self.root.at(path).data
         try:
@@ -272,10 +316,13 @@ class Document:
     def read_quantities(
             self, path: KeyPath, quantities: Mapping[str, Quantity]) -> dict[str, float]:
         """
-        Return the quantities of a mapping in SI units; leave out missing and invalid values.
+        Read values with units from a mapping; return a dict of numbers in SI units.
 
-        :param path: the path of the mapping
-        :param quantities: the expected quantity for each key
+        The dict does not contain missing and invalid values.
+
+        :param path: the keys and list indices that lead to the mapping
+        :param quantities: for each key to read, the expected kind of quantity, for example a
+            length
         """
         node = self.root.at(path)
         numbers = {
@@ -287,9 +334,9 @@ class Document:
 @cache
 def read_schema(path: str) -> Schema:
     """
-    Return a JSON Schema that comes with the package.
+    Read a JSON Schema file of this package, and return the schema.
 
-    :param path: the path in the package, as in ``motions/motion.schema.json``
+    :param path: the path of the file in the package, as in ``motions/motion.schema.json``
     """
     from importlib.resources import files
     schema: Schema = json.loads(files(PACKAGE).joinpath(path).read_text('utf-8'))
@@ -310,11 +357,14 @@ def nearest(word: str, known: Mapping[str, Any] | list[str]) -> str | None:
 
 def did_you_mean(word: str, known: Mapping[str, Any] | list[str]) -> str:
     """
-    Return the advice for an unknown word: the most similar known word, or else all known words.
+    Return advice for a user who wrote an unknown word, as in ``did you mean 'turn'?``.
+
+    If no known word is similar, the advice lists all known words.
 
     :param word: the unknown word
-    :param known: the known words, or a mapping from each known word to its schema, which may have
-        a list of ``synonyms``
+    :param known: a list of the known words, or a mapping from each known word to its JSON Schema.
+        A schema may contain a list ``synonyms``; if the unknown word is in this list, the known
+        word of the schema is suggested
     """
     parts = known if isinstance(known, Mapping) else {}
     near = next((name for name, part in parts.items()
@@ -364,10 +414,10 @@ def _missing(error: Any) -> _Messages:
 
 def missing(key: str, schema: Mapping[str, Any]) -> str:
     """
-    Return the message for a key that is missing in a mapping.
+    Return an error message about a missing key; it says which value the key must have.
 
     :param key: the missing key
-    :param schema: the schema of the mapping
+    :param schema: the JSON Schema of the mapping that must have the key
     """
     return f'{key!r} is missing: {_expected(schema["properties"][key])}'
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The motions that come with the package, found by name; the lesson is one of them."""
+"""
+Find and read the motions that come with the package; each of them has a name.
+
+The motion ``lesson`` is read from the function ``play_lesson``.  All other motions are YAML files.
+"""
 
 from __future__ import annotations
 import __future__  # noqa: I100
@@ -44,9 +48,10 @@ def library() -> list[str]:
 
 def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
     """
-    Read a motion of the library by its name, or a motion file by its path.
+    Read a motion that comes with the package, given its name, or a motion file, given its path.
 
     :param name_or_path: a text without dots and slashes is a name; any other value is a path
+    :returns: the motion, with the other contents of its file
     :raises MotionFileError: if there is no such motion, or the file cannot be read
     """
     if name_or_path == LESSON:
@@ -57,7 +62,7 @@ def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
 
 
 def names_in(folder: str) -> list[str]:
-    """Return the names of the YAML files in a folder of the package, without the suffix."""
+    """Return the sorted names of the YAML files in a folder of the package, without ``.yaml``."""
     found = (entry.name for entry in files(PACKAGE).joinpath(folder).iterdir())
     return sorted(name.removesuffix(SUFFIX) for name in found if name.endswith(SUFFIX))
 
@@ -65,11 +70,11 @@ def names_in(folder: str) -> list[str]:
 def look_up(
         name_or_path: str | os.PathLike[str], folder: str, known: list[str]) -> tuple[str, str]:
     """
-    Return the text of a file of the package by its name, or of another file by its path.
+    Read a file that comes with the package, given its name, or any file, given its path.
 
     :param name_or_path: a text without dots and slashes is a name; any other value is a path
-    :param folder: the folder of the package
-    :param known: the names that the error message lists if there is no such file
+    :param folder: the folder of the package in which a name is looked up, for example ``motions``
+    :param known: all names that the error message lists if there is no file of the given name
     :returns: the name of the file for error messages, and the text of the file
     :raises UnreadableFileError: if there is no such file, or it cannot be read
     """
@@ -96,16 +101,24 @@ LESSON_FILE = files('kachaka_simple_control').joinpath('kachaka_simple_control.p
 
 
 class _MotionRecorder:
-    """Records the movements of the lesson in place of the node, without driving a robot."""
+    """
+    Records the movements of the lesson without driving a robot.
+
+    The function ``play_lesson`` gets this object instead of the node that drives the robot.
+    """
 
     def __init__(self) -> None:
         self.steps: list[Move] = []
 
     def move_robot(self, linear_x: float, angular_z: float, duration: float) -> None:
         """
-        Record a movement as a step.
+        Record a movement as a step of the motion.
 
-        :raises InvalidMotionError: if there are too many movements, as in an endless loop
+        :param linear_x: forward velocity [m/s], negative backwards
+        :param angular_z: turning velocity [rad/s], positive to the left
+        :param duration: the duration of the movement [s]
+        :raises InvalidMotionError: if a value is invalid, or if there are more than MAX_MOVEMENTS
+            movements, for example because of an endless loop
         """
         if len(self.steps) == MAX_MOVEMENTS:
             raise InvalidMotionError(f'{LESSON_FUNCTION} has more than {MAX_MOVEMENTS} movements')
@@ -114,13 +127,14 @@ class _MotionRecorder:
 
 def lesson_motion() -> Motion:
     """
-    Return the motion that ``play_lesson`` drives.
+    Return the motion that the function ``play_lesson`` drives.
 
-    The description of the motion is the first line of the function's docstring.  Only this
-    function is compiled and called, with a recorder instead of the node.  No other code of the
-    node's file runs, and ROS is not needed.
+    The function is called with an object that records the movements, instead of the node that
+    drives the robot.  No other code of the function's file is run, so ROS is not needed.  The
+    description of the motion is the first line of the function's docstring.
 
-    :raises InvalidMotionError: if a movement is invalid
+    :raises InvalidMotionError: if a movement is invalid, or if there are more than MAX_MOVEMENTS
+        movements
     """
     function = next(
         node for node in ast.parse(LESSON_FILE.read_text('utf-8')).body

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Read and write motions as YAML files, and make their JSON Schema from the step classes."""
+"""Read and write motions as YAML files, and make the JSON Schema of these files."""
 
 from __future__ import annotations
 
@@ -57,17 +57,19 @@ from kachaka_simple_control.motion.units import FREQUENCY, Quantity, SignRule
 @dataclass(frozen=True)
 class MotionFile:
     """
-    A motion with the other contents of its file.
+    A motion and the other contents of the file from which it was read.
 
     :param motion: the motion
     :param source: the name of the file
-    :param robot: the robot for the motion, a name or the path of a profile; None for any robot
+    :param robot: the robot that the motion is made for, as a name or as the path of a robot
+        profile; None for any robot
     :param limits: the limits given in the file, in SI units; the keys are names of fields of
         :class:`~kachaka_simple_control.motion.limits.Limits`
-    :param rate: the rate at which to send velocities [Hz]; None if not given
-    :param closed_loop: whether to correct velocities from odometry; None if not given
-    :param root: the values of the file, with their line numbers
-    :param text: the text of the file; None if the motion was not read from a file
+    :param rate: the rate at which to send velocities [Hz]; None if the file gives no rate
+    :param closed_loop: whether to correct velocities from odometry; None if the file does not say
+    :param root: the values of the file, with their line numbers; None if the motion was not read
+        from a YAML text
+    :param text: the text of the file; None if the motion was not read from a YAML text
     """
 
     motion: Motion
@@ -81,9 +83,10 @@ class MotionFile:
 
     def where(self, path: str) -> str:
         """
-        Return file and line of a value, as in ``square.yaml:7``.
+        Return the place of a value in the file as file name and line, as in ``square.yaml:7``.
 
-        :param path: the path of the value, as in ``steps[2].turn.speed``
+        :param path: the keys and list indices that lead to the value, as in
+            ``steps[2].turn.speed``
         """
         return location(self.source, self._line(path))
 
@@ -94,10 +97,10 @@ class MotionFile:
         :param limits: the limits of the robot
         :param robot: the name of the robot in error messages
         :param closed_loop: whether a part of each limit is reserved for corrections from odometry
-        :returns: the limits for the motion: those in the file, and those of the robot for all that
-            are not in the file
-        :raises MotionFileError: if the robot cannot drive the motion; the message has a line for
-            each problem
+        :returns: the limits for the motion: the limits of the robot, lowered where the file gives
+            a lower limit
+        :raises MotionFileError: if the robot cannot drive the motion, or the file gives a limit
+            above that of the robot; the message has a line for each problem
         """
         tightened = self._tighten(limits)
         # A step may exceed a limit of the file instead of a limit of the robot.
@@ -118,15 +121,22 @@ class MotionFile:
 
     def error_at(self, path: str, message: str) -> MotionFileError:
         """
-        Return an error about one value, with its line number.
+        Return an error about one value of the file, with the line number of the value.
 
-        :param path: the path of the value in the file, for example ``rate``
+        :param path: the keys and list indices that lead to the value, for example ``rate``
         :param message: the description of the error
         """
         return MotionFileError(self.source, [self._problem(InvalidMotionError(message, path))])
 
     def _tighten(self, limits: Limits) -> Limits:
-        """Return the limits of a robot, reduced to the limits of the file."""
+        """
+        Return the limits of a robot, lowered where the file gives a lower limit.
+
+        If the file lowers the forward velocity and gives no backward velocity, the lower limit is
+        valid in both directions.
+
+        :param limits: the limits of the robot
+        """
         own = {name: min(value, limits.bound(name)) for name, value in self.limits.items()}
         if limits.max_backward_velocity is not None:
             # A lower forward limit also limits the backward velocity.
@@ -144,10 +154,12 @@ class MotionFile:
 
 def read_steps(document: Document, path: KeyPath) -> tuple[Step, ...]:
     """
-    Return the valid steps of a list; record the problems of the other steps.
+    Read a list of steps from a file, and return the valid steps.
 
-    :param document: a file that has been checked against the schema
-    :param path: the path of the list
+    Invalid steps are left out, and their problems are recorded in ``document``.
+
+    :param document: the values of the file, already checked against the JSON Schema of a motion
+    :param path: the keys and list indices that lead to the list of steps
     """
     nodes = document.root.along(path)
     if len(nodes) <= len(path) or not isinstance(nodes[-1].data, list):
@@ -185,7 +197,13 @@ def _read_fields(document: Document, path: KeyPath, kind: type[Step]) -> Step | 
 
 
 def count(steps: Iterable[Step]) -> int:
-    """Return the number of steps with all repetitions; a repeat itself counts as one step."""
+    """
+    Count the steps of a motion; a step in a loop counts as often as it is driven.
+
+    The loop itself, a step of the class ``Repeat``, counts as one more step.
+
+    :param steps: the steps
+    """
     blocks = (step.block() for step in steps)
     return sum(1 if block is None else 1 + block[0] * count(block[1]) for block in blocks)
 
@@ -195,7 +213,9 @@ def load(path: str | os.PathLike[str]) -> MotionFile:
     Read a motion from a file.
 
     :param path: the path of the file
-    :raises MotionFileError: if the file cannot be read; the message has a line for each problem
+    :returns: the motion, with the other contents of the file
+    :raises MotionFileError: if the file cannot be read or contains no valid motion; the message
+        has a line for each problem
     """
     source = os.fspath(path)
     with MotionFileError.naming(source):
@@ -205,11 +225,14 @@ def load(path: str | os.PathLike[str]) -> MotionFile:
 
 def loads(text: str, name: str = 'motion') -> MotionFile:
     """
-    Read a motion from a text.
+    Read a motion from the text of a YAML file.
 
-    :param text: the text of a file
-    :param name: the file name for error messages; also the name of the motion if the text has none
-    :raises MotionFileError: if the text is not a motion; the message has a line for each problem
+    :param text: the text
+    :param name: the file name for error messages.  If the text does not name the motion, the file
+        name without its suffix is also the name of the motion
+    :returns: the motion, with the other contents of the text
+    :raises MotionFileError: if the text is no valid motion; the message has a line for each
+        problem
     """
     with MotionFileError.naming(name):
         file = _read(read_document(text, motion_schema()), name)
@@ -233,7 +256,15 @@ def _read(document: Document, source: str) -> MotionFile:
 
 
 def _robot(name_or_path: str | None, source: str) -> str | None:
-    """Return the robot given in a file; the path of a profile is relative to the file's folder."""
+    """
+    Return the robot that a motion file names, as a name or as the path of a robot profile.
+
+    A relative path in the file starts at the folder of the motion file, so the path of this folder
+    is put before it.
+
+    :param name_or_path: the robot as written in the motion file; None if it names no robot
+    :param source: the path of the motion file
+    """
     if not name_or_path or not is_path(name_or_path) or PurePath(name_or_path).is_absolute():
         return name_or_path
     # Join as text: PurePath removes a leading ./, and without it the text is a name.
@@ -249,13 +280,13 @@ _ESCAPED = re.compile('[^ !#-\\[\\]-~\xa1-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00
 
 def dump(motion: Motion) -> str:
     """
-    Return a motion as the text of a YAML file, with full precision.
+    Return the text of a YAML file for a motion, with all numbers in full precision.
 
-    Reading the text gives the same motion.
+    If the text is read again, the result is equal to the motion.
 
     :param motion: the motion
-    :raises MotionFileError: if the motion cannot be written, for example because it has too
-        many steps
+    :raises MotionFileError: if the motion cannot be written, for example because it has too many
+        steps
     """
     lines = [f'name: {_text(motion.name)}']
     if motion.description:
@@ -310,7 +341,7 @@ SCHEMA = 'motions/motion.schema.json'
 
 
 def motion_schema() -> Schema:
-    """Return the JSON Schema of a motion, with all kinds of steps."""
+    """Return the JSON Schema of a motion file, with a schema for each kind of step."""
     schema = read_schema(SCHEMA)
     definitions = schema['definitions']
     steps = {word: _step_schema(kind) for word, kind in KINDS.items()}
@@ -357,7 +388,11 @@ def _kind_schema(kind: object) -> Schema:
 
 
 def quantity_schema(quantity: Quantity) -> Schema:
-    """Return the JSON Schema of the values of a quantity."""
+    """
+    Return the JSON Schema of a value with a unit, such as ``0.2 m/s``, in a file.
+
+    :param quantity: the kind of quantity, with the allowed units and signs of its values
+    """
     bounds = {SignRule.ANY: {}, SignRule.NOT_NEGATIVE: {'minimum': 0},
               SignRule.POSITIVE: {'exclusiveMinimum': 0}}[quantity.sign]
     types = ['string'] if quantity.needs_unit else ['number', 'string']

@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Robot profiles with ROS names, limits and outline: Kachaka's profile, and profile files."""
+"""
+Define robot profiles, which describe a robot's ROS names, limits and outline.
+
+The profile of Kachaka, the default robot, is part of this module.  The profiles of other robots
+are read from YAML files.
+"""
 
 from __future__ import annotations
 
@@ -50,13 +55,13 @@ class RobotProfile:
     The names of topics and services are relative to the ROS namespace of the robot.
 
     :param name: the name to show
-    :param namespace: the default ROS namespace, absolute
+    :param namespace: the default ROS namespace of the robot, absolute
     :param velocity_topic: the topic for velocity commands
     :param odometry_topic: the topic of the robot's odometry; None if it has no odometry
-    :param manual_control_service: the service that enables velocity commands
-        (std_srvs/SetBool); None if they are always enabled
+    :param manual_control_service: the service that enables velocity commands (std_srvs/SetBool);
+        None if velocity commands are always enabled
     :param manual_control_timeout: how long one call of the service enables velocity commands [s];
-        infinite if there is no service
+        infinite if there is no service or no such timeout
     :param command_timeout: how long the robot keeps a velocity if no new command arrives [s]
     :param limits: the largest velocities, accelerations and jerks
     :param message_type: the type of velocity messages: Twist or TwistStamped of geometry_msgs
@@ -64,8 +69,8 @@ class RobotProfile:
     :param footprint: the outline of the robot, for plots; None if unknown
     :param calibration: the difference between the velocities that are sent and the velocities that
         odometry reports; None for no difference
-    :param odometry_calibration: the difference between reported odometry and the motion on the
-        floor; None for no difference
+    :param odometry_calibration: the difference between reported odometry and the true motion on
+        the floor; None for no difference
     """
 
     name: str
@@ -84,17 +89,23 @@ class RobotProfile:
 
     @property
     def is_kachaka(self) -> bool:
-        """Return whether the velocity topic has the name of Kachaka's velocity topic."""
+        """Return whether the robot is a Kachaka, recognized by the name of its velocity topic."""
         return self.velocity_topic == KACHAKA.velocity_topic
 
     @property
     def is_calibrated(self) -> bool:
-        """Return whether commands are corrected by a calibration."""
+        """Return whether the profile has a calibration, which corrects velocity commands."""
         return self.calibration is not None or self.odometry_calibration is not None
 
     @property
     def planning_limits(self) -> Limits:
-        """Return limits for plans, so low that corrected commands keep the robot's limits."""
+        """
+        Return the limits for planning a motion.
+
+        A calibration changes the planned velocities before they are sent.  The returned limits are
+        so low that the changed velocities still keep the limits of the robot.  Without a
+        calibration they are the limits of the robot.
+        """
         limits = self.limits
         for calibration in (self.calibration, self.odometry_calibration):
             if calibration is not None:
@@ -103,7 +114,9 @@ class RobotProfile:
 
     def feedback_delay(self) -> float:
         """
-        Return how late the robot follows a command [s]; a closed loop needs this delay.
+        Return the delay with which the robot follows a velocity command [s].
+
+        The closed loop, which corrects velocities from odometry, needs this delay.
 
         :raises UsageError: if the delay was not measured, or the robot has no odometry
         """
@@ -116,13 +129,25 @@ class RobotProfile:
         return self.calibration.delay
 
     def command(self, velocity: Velocity) -> Velocity:
-        """Return the command to send so that the robot has a wanted velocity on the floor."""
+        """
+        Return the velocity to send so that the robot truly moves at a wanted velocity.
+
+        The calibrations in this profile define the difference between the two velocities.
+
+        :param velocity: the wanted velocity on the floor
+        """
         if self.odometry_calibration is not None:
             velocity = self.odometry_calibration.to_odometry(velocity)
         return velocity if self.calibration is None else self.calibration.command(velocity)
 
     def expected(self, command: Velocity) -> Velocity:
-        """Return the velocity on the floor that a command causes."""
+        """
+        Return the velocity at which the robot truly moves when a given velocity is sent.
+
+        The calibrations in this profile define the difference between the two velocities.
+
+        :param command: the velocity that is sent
+        """
         velocity = command if self.calibration is None else self.calibration.response(command)
         return velocity if self.odometry_calibration is None else (
             self.odometry_calibration.to_floor(velocity))
@@ -166,18 +191,18 @@ PLAIN = RobotProfile(
 
 
 class RobotFileError(FileError, UsageError):
-    """A profile of a robot could not be read from a file."""
+    """A robot profile cannot be read from a file."""
 
 
 def robots() -> list[str]:
-    """Return the names of the robots in the package, in alphabetical order."""
+    """Return the names of the robots whose profiles come with the package, sorted by name."""
     from kachaka_simple_control.files.library import names_in
     return sorted([KACHAKA.name, *names_in('robots')])
 
 
 def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
     """
-    Return a robot of the package by its name, or read a robot profile by its path.
+    Read a robot profile that comes with the package, given its name, or a file, given its path.
 
     :param name_or_path: a text without dots and slashes is a name; any other value is a path
     :raises RobotFileError: if there is no such robot, or the file cannot be read
@@ -194,11 +219,14 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
 
 def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) -> str:
     """
-    Return the text of a robot file with a calibration added; the other keys do not change.
+    Return the text of a robot's profile file after a calibration is added to it.
 
-    :param robot: the name of a robot in the package, or the path of a profile
-    :param calibration: the calibration to add; it replaces an earlier one of the same kind
-    :raises RobotFileError: if the profile or the new text cannot be read
+    The other keys in the file do not change.  For a robot that is given by name, the text is a new
+    profile that extends the profile of this robot.
+
+    :param robot: the name of a robot that comes with the package, or the path of a profile file
+    :param calibration: the calibration to add; an earlier calibration of the same type is replaced
+    :raises RobotFileError: if the profile cannot be read, or the calibration cannot be added
     """
     from kachaka_simple_control.files.yaml_document import read_text
     key = 'calibration' if isinstance(calibration, Calibration) else 'odometry_calibration'
@@ -225,7 +253,12 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
 
 
 def _without(key: str, lines: list[str]) -> list[str]:
-    """Return the lines of a file without a key and the lines nested below the key."""
+    """
+    Return the lines of a YAML file after a key and the lines nested below it are removed.
+
+    :param key: a key of the outermost mapping in the file
+    :param lines: all lines of the file
+    """
     start = next((number for number, line in enumerate(lines)
                   if re.match(f'["\']?{key}["\']?\\s*:', line)), None)
     if start is None:
@@ -272,7 +305,16 @@ def _read(text: str, source: str) -> RobotProfile:
 
 
 def _base(document: Document, data: dict[str, Any]) -> RobotProfile | None:
-    """Return the default values for a file: the profile of the extended robot, or ``PLAIN``."""
+    """
+    Return the profile that provides the default values for a profile file.
+
+    The key ``extends`` in the file names another robot, whose profile is returned.  If the name is
+    invalid, a problem is recorded and None is returned.  Without this key, ``PLAIN`` is returned,
+    a profile without values, and a problem is recorded for each required key that is missing.
+
+    :param document: the values of the file, where problems are recorded
+    :param data: the outermost mapping of the file
+    """
     name = data.get('extends')
     if name is None:
         # The schema cannot express that these keys may be missing if ``extends`` is given.
@@ -293,12 +335,14 @@ def _part(
         document: Document, key: str, quantities: Mapping[str, Quantity],
         make: Callable[..., object]) -> object | None:
     """
-    Return the object made from a mapping in the file; None if the mapping is null or invalid.
+    Make an object, for example a ``Limits``, from a mapping in the file; return the object.
 
-    :param document: the file
+    If the mapping is null or invalid, return None.  If it is invalid, also record a problem.
+
+    :param document: the values of the file, where problems are recorded
     :param key: the key of the mapping
-    :param quantities: the names of the values with a unit, and the quantity of each
-    :param make: called with the values as keyword arguments, to make the object
+    :param quantities: the keys of the values with a unit, and the kind of quantity of each
+    :param make: the function that makes the object; its keyword arguments are the values
     """
     node = document.root.at([key])
     numbers = document.read_quantities([key], quantities)

@@ -56,10 +56,11 @@ _REASONS: dict[type[Exception], str] = {
 
 def read_text(path: str | os.PathLike[str]) -> str:
     """
-    Return the text of a file.
+    Read a file in UTF-8, and return its text.
 
     :param path: the path of the file
-    :raises UnreadableFileError: if there is no such file, or it is not text of at most 1 MB
+    :raises UnreadableFileError: if the file cannot be read, is larger than 1 MB, or is not in
+        UTF-8
     """
     try:
         data = _read(path)
@@ -71,10 +72,10 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 def decode(data: bytes) -> str:
     """
-    Return the text that bytes in UTF-8 represent.
+    Decode the bytes of a file as UTF-8, and return the text.
 
-    :param data: the bytes of a file
-    :raises UnreadableFileError: if the bytes are not UTF-8, or if there are too many
+    :param data: the bytes
+    :raises UnreadableFileError: if the bytes are not UTF-8, or are more than 1 MB
     """
     if len(data) > MAX_BYTES:
         raise UnreadableFileError(_too_large())
@@ -90,10 +91,11 @@ def decode(data: bytes) -> str:
 
 def require_text(text: str) -> str:
     """
-    Return a text unchanged, or raise an error if it is too long or not printable.
+    Check the length and the characters of a text, and return the text unchanged.
 
     :param text: the text of a file; a byte order mark is allowed, because some editors write it
-    :raises UnreadableFileError: if the text is too long, or has control characters
+    :raises UnreadableFileError: if the text is longer than 1 MB, or contains control characters or
+        other characters that are not allowed
     """
     # Check the number of characters first, so that a very long text is not encoded.
     if len(text) > MAX_BYTES or len(text.encode(errors='surrogatepass')) > MAX_BYTES:
@@ -120,13 +122,13 @@ def _too_large() -> Problem:
 
 def read_document(text: str, schema: Schema) -> Document:
     """
-    Read a YAML text, and check its values against a schema.
+    Read a YAML text, and check its values against a JSON Schema.
 
     :param text: the text of a file
     :param schema: a JSON Schema, Draft 7
     :returns: the values of the file, and the problems found in them
-    :raises UnreadableFileError: if the text is not YAML, PyYAML or jsonschema is not installed,
-        or there are too many problems
+    :raises UnreadableFileError: if the text is empty, too long or not YAML, if PyYAML or
+        jsonschema is not installed, or if there are too many problems
     """
     document = parse_yaml(require_text(text))
     document.check(schema)
@@ -145,18 +147,18 @@ _NOT_FINITE = re.compile(r'[-+]?[.]?(inf(inity)?|nan)', re.IGNORECASE)
 
 
 class ScalarError(ValueError):
-    """A YAML scalar is not allowed in a file; the message says why."""
+    """A number in a YAML text is not allowed; the message says why."""
 
 
 def resolve(word: str) -> bool | int | float | str | None:
     """
-    Return the value of an unquoted YAML scalar: None, a bool, a finite number or text.
+    Convert an unquoted YAML word to its value: None, a bool, a finite number or text.
 
     The rules are those of YAML 1.2: ``1e3`` is a number; ``yes``, ``on`` and ``1:30`` are text.
 
-    :param word: the scalar
-    :raises ScalarError: if the scalar is a number that is not finite, is too long, or has a
-        leading zero; some YAML readers take such a number as octal
+    :param word: the word as written in the file
+    :raises ScalarError: if the word is a number that is not finite, has more than MAX_NUMBER
+        characters, or has a leading zero, because some YAML parsers read 010 as the octal number 8
     """
     if word in _WORDS:
         return _WORDS[word]
@@ -184,11 +186,11 @@ MAX_DEPTH = 70
 
 def parse_yaml(text: str) -> Document:
     """
-    Read one YAML document of mappings, lists and scalars.
+    Parse a YAML text, and return its values with their line numbers.
 
     :param text: the text
-    :returns: the values of the document, and the problems with single values
-    :raises UnreadableFileError: if the text is not YAML, is empty or has too many values, or if
+    :returns: the values, and the problems found in single values
+    :raises UnreadableFileError: if the text is empty, is not YAML, or has too many values, or if
         PyYAML is not installed
     """
     try:
@@ -231,7 +233,12 @@ def _not_yaml(error: Any, text: str) -> Problem:
 
 
 def _resolve(event: Any) -> tuple[Any, str | None]:
-    """Return the value of a scalar and None, or None and the problem if it is invalid."""
+    """
+    Return the value of a scalar, and the error message if the scalar is invalid.
+
+    :param event: the event of PyYAML's parser for the scalar
+    :returns: the value and None, or, for an invalid scalar, None and the error message
+    """
     try:
         event.value.encode()
         return (event.value if event.style else resolve(event.value)), None
@@ -242,7 +249,13 @@ def _resolve(event: Any) -> tuple[Any, str | None]:
 
 
 def _decoration(event: Any) -> str | None:
-    """Return the error message for an alias, anchor or tag; None if the value has none."""
+    """
+    Return an error message if a value is an alias, or has an anchor or a tag; otherwise None.
+
+    These features of YAML are not allowed in the files of this package.
+
+    :param event: the event of PyYAML's parser with which the value begins
+    """
     anchor: str | None = getattr(event, 'anchor', None)
     tag: str | None = getattr(event, 'tag', None)
     if _kind(event) == 'Alias':
@@ -254,9 +267,9 @@ def _decoration(event: Any) -> str | None:
 
 class _YamlReader:
     """
-    Reads the values of a document from the events of PyYAML's parser.
+    Builds the values of a YAML document, with line numbers, from the events of PyYAML's parser.
 
-    :param events: the events
+    :param events: the events of the parser, such as a scalar or the start of a mapping
     """
 
     def __init__(self, events: Iterator[Any]) -> None:
@@ -281,7 +294,11 @@ class _YamlReader:
         return Document(root, self.problems)
 
     def _value(self, event: Any) -> Node:
-        """Return the value that begins with an event, together with all nested values."""
+        """
+        Read a value and all values nested in it, and return the value.
+
+        :param event: the event of PyYAML's parser with which the value begins
+        """
         kind, line = _kind(event), _line(event)
         self._count_one(line)
         node = Node(line, {'MappingStart': {}, 'SequenceStart': []}.get(kind))
@@ -300,7 +317,11 @@ class _YamlReader:
         return node
 
     def _read_within(self, parent: Node) -> None:
-        """Read the values of a mapping or a list, up to its end."""
+        """
+        Read all values in a mapping or a list, and store them in it.
+
+        :param parent: the mapping or the list; its start was already read
+        """
         for event in self._events:
             if _kind(event) in ('MappingEnd', 'SequenceEnd'):
                 return
@@ -315,10 +336,15 @@ class _YamlReader:
 
     def _read_entry(self, mapping: Node, event: Any, is_decimals: bool) -> None:
         """
-        Read a key and its value.
+        Read a key and its value, and store them in a mapping.
 
-        The value is not kept if the key occurs twice in the mapping, or if the key is in fact the
-        part of a number after a decimal comma.
+        They are not stored if the mapping already has the key.  They are also not stored if the
+        key is in truth the part of a number after a decimal comma, such as ``5 m`` in
+        ``{forward: 0,5 m}``.
+
+        :param mapping: the mapping
+        :param event: the event of PyYAML's parser for the key
+        :param is_decimals: whether the key is the part of a number after a decimal comma
         """
         line = _line(event)
         if _kind(event) != 'Scalar':
@@ -343,9 +369,13 @@ class _YamlReader:
 
     def _takes_decimals(self, event: Any) -> bool:
         """
-        Record a problem if a scalar is the part after a decimal comma, as in ``{forward: 0,5 m}``.
+        Detect a number with a decimal comma, as in ``{forward: 0,5 m}``, and record a problem.
 
-        :returns: whether the scalar is such a part
+        For YAML a comma ends a value, so the part ``5 m`` is a separate scalar.
+
+        :param event: the event of PyYAML's parser for a scalar that may be the part after the
+            comma
+        :returns: whether the scalar is the part after a decimal comma
         """
         if self._last is None or event.style:
             return False
