@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Serialize velocities, odometry, paths and numbers as ROS 2 messages in CDR, without ROS."""
+"""
+Serialize velocities, odometry, paths and numbers as ROS 2 messages in CDR, without ROS.
+
+CDR is the format in which DDS transmits messages.
+"""
 
 from __future__ import annotations
 
@@ -37,43 +41,63 @@ COVARIANCE = (0.0,) * 36
 
 
 class CdrWriter:
-    """Writes plain little-endian CDR: each number is aligned to a multiple of its own size."""
+    """
+    Writes data in plain little-endian CDR, the format in which DDS transmits messages.
+
+    Each number starts at a multiple of its own size.
+    """
 
     def __init__(self) -> None:
         self.data = bytearray()
 
     def message(self) -> bytes:
-        """Return the written data as a message, with the encapsulation header."""
+        """Return the complete message: the encapsulation header of CDR and the written data."""
         return ENCAPSULATION + bytes(self.data)
 
     def append(self, data: bytes, alignment: int = 1) -> CdrWriter:
-        """Add padding up to a multiple of the alignment [bytes], and append bytes."""
+        """
+        Append zero bytes until the size is a multiple of the alignment, then append data.
+
+        :param data: the bytes to append
+        :param alignment: the position of the data in the message is a multiple of this number
+            [bytes]
+        :returns: this writer
+        """
         self.data += bytes(-len(self.data) % alignment) + data
         return self
 
     def uint32(self, value: int) -> CdrWriter:
-        """Append a uint32."""
+        """Append an unsigned integer of 32 bits, and return this writer."""
         return self.append(struct.pack('<I', value), 4)
 
     def doubles(self, *values: float) -> CdrWriter:
-        """Append float64 values."""
+        """Append numbers as floats of 64 bits, and return this writer."""
         return self.append(struct.pack(f'<{len(values)}d', *values), 8)
 
     def string(self, value: str) -> CdrWriter:
-        """Append a string."""
+        """Append the length of a string and the string in UTF-8, and return this writer."""
         data = value.encode() + b'\0'
         return self.uint32(len(data)).append(data)
 
     def header(self, time: int, frame: str) -> CdrWriter:
-        """Append a std_msgs/Header with a time [ns]."""
+        """
+        Append a ``std_msgs/msg/Header``, and return this writer.
+
+        :param time: the time stamp [ns]
+        :param frame: the name of the frame
+        """
         return self.append(struct.pack('<iI', *divmod(time, NANO)), 4).string(frame)
 
     def velocity(self, velocity: Velocity) -> CdrWriter:
-        """Append a geometry_msgs/Twist."""
+        """Append a velocity as a ``geometry_msgs/msg/Twist``, and return this writer."""
         return self.doubles(velocity.linear_x, 0.0, 0.0, 0.0, 0.0, velocity.angular_z)
 
     def pose(self, pose: Pose) -> CdrWriter:
-        """Append a geometry_msgs/Pose with the quaternion of a rotation about the z axis."""
+        """
+        Append a pose as a ``geometry_msgs/msg/Pose``, and return this writer.
+
+        :param pose: the pose in the plane; its heading becomes a quaternion about the z axis
+        """
         half = pose.theta / 2.0
         return self.doubles(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
 
@@ -84,7 +108,13 @@ def twist(velocity: Velocity) -> bytes:
 
 
 def twist_stamped(velocity: Velocity, time: int, frame: str) -> bytes:
-    """Return a velocity and its time stamp [ns] as a serialized TwistStamped message."""
+    """
+    Return a velocity as a serialized ``geometry_msgs/msg/TwistStamped``.
+
+    :param velocity: the velocity
+    :param time: the time stamp [ns]
+    :param frame: the frame in the header of the message
+    """
     return CdrWriter().header(time, frame).velocity(velocity).message()
 
 
@@ -94,7 +124,13 @@ def float64(value: float) -> bytes:
 
 
 def odometry(pose: Pose, velocity: Velocity, time: int) -> bytes:
-    """Return odometry with its arrival time [ns] as a serialized ``nav_msgs/msg/Odometry``."""
+    """
+    Return a pose and a velocity as a serialized ``nav_msgs/msg/Odometry``.
+
+    :param pose: the pose in the frame ``odom``
+    :param velocity: the velocity in the frame ``base_link``
+    :param time: the time at which the odometry has arrived [ns], for the header
+    """
     return (CdrWriter().header(time, ODOM).string(BASE)
             .pose(pose).doubles(*COVARIANCE)
             .velocity(velocity).doubles(*COVARIANCE).message())
@@ -120,11 +156,11 @@ def read_odometry(data: bytes) -> tuple[bytes, int, Pose, Velocity]:
 
 class PathSerializer:
     """
-    Serializes single poses, and builds ``nav_msgs/msg/Path`` messages from serialized poses.
+    Serializes single poses, and makes ``nav_msgs/msg/Path`` messages from serialized poses.
 
     So each pose is serialized only once, even if it occurs in many messages of a growing path.
 
-    :param frame: the frame of all poses
+    :param frame: the frame of all poses, for the headers
     """
 
     def __init__(self, frame: str) -> None:
@@ -132,10 +168,11 @@ class PathSerializer:
 
     def pose(self, pose: Pose, time: int = 0) -> bytes:
         """
-        Return a serialized pose, for a later call of ``path``.
+        Serialize a pose, so that the result can be passed to ``path``.
 
         :param pose: the pose
         :param time: when the robot is at the pose [ns of ROS time]; 0 if unknown
+        :returns: the serialized pose with its time stamp and its frame
         """
         return bytes(CdrWriter().header(time, self._frame).pose(pose).data)
 
@@ -143,7 +180,7 @@ class PathSerializer:
         """
         Return a path as a serialized ``nav_msgs/msg/Path``.
 
-        :param poses: the serialized poses of the path
+        :param poses: the poses of the path, each serialized by ``pose``
         :param time: the time stamp of the path [ns of ROS time]
         """
         writer = CdrWriter().header(time, self._frame).uint32(len(poses))

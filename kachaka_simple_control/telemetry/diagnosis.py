@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The diagnosis of one component, as in ``diagnostic_msgs``.
+Define the diagnosis of one component, with the same contents as in ``diagnostic_msgs``.
 
-This module needs no ROS, so that all layers of the package can use it.
+This module does not import ROS, so code that runs without ROS can use it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 
 class Level(IntEnum):
-    """The levels of ``diagnostic_msgs/msg/DiagnosticStatus`` that this package uses."""
+    """The levels of a ``diagnostic_msgs/msg/DiagnosticStatus``, without the level STALE."""
 
     OK = 0
     WARN = 1
@@ -33,11 +33,11 @@ class Level(IntEnum):
 
 class Diagnosis(NamedTuple):
     """
-    The diagnosis of one component, such as the connection to the robot.
+    The diagnosis of one component, for example of the connection to the robot.
 
     :param level: the severity of the most severe finding
     :param message: the most severe finding, in one sentence
-    :param values: the values that the diagnosis reports, as text, by name
+    :param values: further values to show, as a mapping from the name of each value to its text
     """
 
     level: Level

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Pass events to readers in a separate thread, so that a faulty reader delays no drive."""
+"""
+Pass the events of a drive to displays and recorders in a separate thread.
+
+So a slow or faulty display or recorder does not delay the drive.
+"""
 
 from __future__ import annotations
 
@@ -37,12 +41,12 @@ CLOSE_TIMEOUT = 0.5
 @dataclass(eq=False)
 class _Reader:
     """
-    A reader of events.
+    A reader of events: a function that is called with each event, for example to record it.
 
-    :param handle: called with each event
-    :param on_detached: called with the reason when the reader is detached, after which it gets no
-        more events
-    :param busy: the total run time of ``handle`` since the queue was last empty [s]
+    :param handle: the function that is called with each event
+    :param on_detached: called with the reason when the reader is detached, which means that it
+        gets no more events
+    :param busy: the total run time of ``handle`` since the queue of events was last empty [s]
     """
 
     handle: EventHandler
@@ -52,7 +56,7 @@ class _Reader:
 
 @dataclass(eq=False)
 class _Call:
-    """An event that is being passed on, and the readers that have not received it yet."""
+    """An event that is passed to the readers now, and the readers that have not got it yet."""
 
     event: Event
     readers: list[_Reader]
@@ -65,7 +69,12 @@ class _Call:
     lock: threading.Lock = field(default_factory=threading.Lock)
 
     def next_reader(self) -> _Reader | None:
-        """Return the next reader; None if no reader is left, or another thread has taken over."""
+        """
+        Return the next reader that must be called with the event, and remove it from the list.
+
+        :returns: the reader; None if all readers have got the event, or if another thread calls
+            the remaining readers, because one reader takes too long
+        """
         with self.lock:
             if self.is_abandoned or not self.readers:
                 return None
@@ -75,14 +84,15 @@ class _Call:
 
 class EventBus:
     """
-    Passes events to readers, in order, in a separate thread.
+    Calls all readers, which are functions, with each event, in a separate thread.
 
-    ``publish`` only puts an event into a queue, so no reader can delay the thread that drives, or
-    a stop.  A reader that raises an error is detached.  If more than MAX_WAITING events wait, the
-    slowest reader is detached.  The drive and the other readers continue.  ``bool(bus)`` is True
-    if the bus has readers.
+    ``publish`` only puts an event into a queue, so a slow reader cannot delay a drive or a stop.
+    A reader that raises an error is detached: it gets no more events.  If more than MAX_WAITING
+    events wait in the queue, the slowest reader is detached.  The drive and the other readers
+    continue.  ``bool(bus)`` is True if the bus has readers.
 
-    :param on_detached: called with the reason when a reader is detached
+    :param on_detached: called when a reader is detached, with a text that names the reader and the
+        reason
     """
 
     def __init__(self, on_detached: Callable[[str], None] = lambda _: None) -> None:
@@ -107,17 +117,23 @@ class EventBus:
             self, handler: EventHandler,
             on_detached: Callable[[str], None] = lambda _: None) -> None:
         """
-        Call a handler with each event that is published from now on.
+        Add a reader: a function that is called with each event from now on.
 
-        :param handler: the handler
-        :param on_detached: called with the reason if the handler is detached and gets no more
-            events; its output is then incomplete
+        :param handler: the function
+        :param on_detached: called with the reason if the handler gets no more events, because it
+            has raised an error or is too slow; the output of the handler is then incomplete
         """
         with self._lock:
             self._readers = (*self._readers, _Reader(handler, on_detached))
 
     def publish(self, event: Event) -> None:
-        """Put an event into the queue, and return at once; any thread may call this."""
+        """
+        Put an event into a queue, and return at once; the readers get it in another thread.
+
+        Any thread may call this method.
+
+        :param event: the event
+        """
         if not self._readers:
             return
         self._queue.put(event)
@@ -131,10 +147,10 @@ class EventBus:
 
     def flush(self, timeout: float = CLOSE_TIMEOUT) -> bool:
         """
-        Wait until all events that were published before this call are passed on.
+        Wait until the readers have got all events that were published before this call.
 
         :param timeout: how long to wait at most [s]
-        :returns: whether all were passed on in time
+        :returns: whether the readers have got all these events in time
         """
         if self._thread is None:
             return True
@@ -149,7 +165,7 @@ class EventBus:
         return passed_on.wait(timeout)
 
     def close(self) -> None:
-        """Pass on the waiting events for up to CLOSE_TIMEOUT, then detach all readers."""
+        """Pass the waiting events to the readers within CLOSE_TIMEOUT, then remove all readers."""
         self.flush()
         with self._lock:
             self._readers = ()
@@ -180,7 +196,13 @@ class EventBus:
                 self._hurry.wait(BATCH_PERIOD)
 
     def _pass_on(self, call: _Call) -> bool:
-        """Call the readers with an event; return False if another thread does this instead."""
+        """
+        Call each reader with an event.
+
+        :param call: the event, and the readers that have not got it yet
+        :returns: True if all readers have got the event; False if another thread calls the
+            remaining readers, because one reader takes too long
+        """
         self._call = call
         while (reader := call.next_reader()) is not None:
             try:
@@ -192,9 +214,11 @@ class EventBus:
 
     def _detach_slowest_reader(self) -> None:
         """
-        Detach the slowest reader.
+        Detach the slowest reader, so that it gets no more events.
 
-        If the reader still handles an event, a new thread passes on this and the later events.
+        If this reader still handles an event, the thread of the bus must wait for it.  Then a new
+        thread replaces the thread of the bus.  The new thread passes this event to the remaining
+        readers, and then all later events to all readers that are left.
         """
         call, now = self._call, time.monotonic()
         if call is None:
@@ -222,7 +246,13 @@ class EventBus:
         self._queue.put(partial(self._report, reader, str(error)))
 
     def _report(self, reader: _Reader, reason: str) -> None:
-        """Report to a reader and to the log that the reader was detached."""
+        """
+        Report that a reader was detached, which means that it gets no more events.
+
+        :param reader: the reader; its function ``on_detached`` is called first, then that of the
+            bus
+        :param reason: why the reader was detached
+        """
         name = getattr(reader.handle, '__qualname__', type(reader.handle).__name__)
         reader.on_detached(reason)
         self._on_detached(f'the reader of events {name} was detached, and is incomplete: {reason}')

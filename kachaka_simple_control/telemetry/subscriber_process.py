@@ -63,7 +63,12 @@ FINISH_TIMEOUT_WHEN_STOPPED = 1.0
 
 @dataclass(frozen=True)
 class Chunk:
-    """A part of a pickled event, used if the event is too large for one write."""
+    """
+    A part of a pickled event that is too large for one write to a pipe.
+
+    :param data: the bytes of this part
+    :param is_last: whether this is the last part of the event
+    """
 
     data: bytes
     is_last: bool
@@ -71,11 +76,13 @@ class Chunk:
 
 def encode(event: object) -> list[bytes]:
     """
-    Return an event as packets to write to a pipe; most events are one packet.
+    Convert an event to packets of bytes, each of which is written to a pipe with one write.
 
-    A pipe accepts each packet completely or not at all, so several threads may write packets.
+    A pipe accepts each packet either completely or not at all, so several threads may write
+    packets to the same pipe.  Most events need only one packet.
 
     :param event: an object that can be pickled
+    :returns: the packets, in order
     """
     data = pickle.dumps(event, pickle.HIGHEST_PROTOCOL)
     if len(data) <= ATOMIC_WRITE_SIZE:
@@ -87,11 +94,11 @@ def encode(event: object) -> list[bytes]:
 
 def decode(stream: BinaryIO) -> Iterator[Any]:
     """
-    Yield the events that were written to a pipe, in order, until its end.
+    Yield the events that were written to a pipe or a file, in the order of writing.
 
     An incomplete event at the end is dropped.
 
-    :param stream: the reading end of the pipe
+    :param stream: the reading end of the pipe, or the file
     """
     chunks = b''
     while True:
@@ -109,17 +116,17 @@ def decode(stream: BinaryIO) -> Iterator[Any]:
 
 class SubscriberProcess:
     """
-    Starts a process and sends events to it over a pipe.
+    Starts another process, and sends events to it over a pipe.
 
-    The new process runs in its own session, so Ctrl+C does not reach it.  When this process ends
-    for any reason, the pipe closes too, and the new process detects this.  During a drive, sending
-    never blocks.  If the new process does not read fast enough, or has ended, no more events are
+    The other process belongs to its own POSIX session, so Ctrl+C does not reach it.  When this
+    process ends, the pipe is closed, so the other process detects the end.  Sending does not block
+    while the robot moves.  If the other process has ended or reads too slowly, no more events are
     sent to it.
 
     :param command: the command to run; it reads events from its standard input
-    :param stdout: the file for the command's standard output; None for the standard output of this
-        process
-    :param pass_fds: the file descriptors of this process that the new process inherits
+    :param stdout: the file for the standard output of the command; None for the standard output of
+        this process
+    :param pass_fds: the file descriptors of this process that the other process inherits
     """
 
     def __init__(
@@ -145,10 +152,13 @@ class SubscriberProcess:
 
     def send(self, event: Event) -> None:
         """
-        Send an event to the process, and return at once.
+        Send an event to the process, without waiting while the robot moves.
 
-        Only ``SessionStarted``, ``MotionPlanned`` and an event that needs several writes may wait
-        for room in the pipe; none of them is sent while the robot moves.
+        If the pipe is full or the process has ended, no more events are sent, and ``failure`` says
+        why.  ``SessionStarted``, ``MotionPlanned`` and an event that needs several writes are not
+        sent while the robot moves, so they may wait up to PLAN_WRITE_TIMEOUT for room in the pipe.
+
+        :param event: the event
         """
         if self.failure is not None:
             return
@@ -164,15 +174,20 @@ class SubscriberProcess:
             self.failure = f'it is gone ({error.strerror})'
 
     def fail(self, reason: str) -> None:
-        """Send no more events, and store the reason in ``failure`` unless it has one already."""
+        """
+        Send no more events to the process.
+
+        :param reason: the reason, which is stored in ``failure`` if no reason is stored there yet
+        """
         self.failure = self.failure or reason
 
     def close(self, timeout: float) -> int | None:
         """
-        Close the pipe and wait for the process to exit.
+        Close the pipe, and wait until the process has exited.
 
-        :param timeout: how long to wait [s]; a process that takes longer continues to run, but a
-            process that is suspended is killed
+        A process that is suspended for FROZEN_TIMEOUT during this wait is killed.
+
+        :param timeout: how long to wait at most [s]; a process that takes longer continues to run
         :returns: the exit code of the process; None if it still runs
         """
         self._close()
@@ -213,9 +228,10 @@ class SubscriberProcess:
 
 class SubscriberProcesses:
     """
-    Manages the subscriber processes of one program; it is a context manager.
+    Manages all processes to which one program sends events; it is a context manager.
 
-    At the end of the block it sends ``SessionEnded`` to the processes and waits for their exit.
+    At the end of the ``with`` block it sends ``SessionEnded`` to the processes, and waits until
+    they have exited, but only for a limited time.
     """
 
     def __init__(self, event_bus: EventBus) -> None:
@@ -227,14 +243,28 @@ class SubscriberProcesses:
 
     def start(
             self, module: str, *arguments: str, pass_fds: Sequence[int] = ()) -> SubscriberProcess:
-        """Start the function ``main`` of a module in a new process, and send events to it."""
+        """
+        Run the function ``main`` of a module in a new process, and send all events to it.
+
+        :param module: the full name of the module
+        :param arguments: the command-line arguments of the process
+        :param pass_fds: the file descriptors of this process that the new process inherits
+        :returns: the new process
+        """
         subscriber = SubscriberProcess(
             [*processes.python_command(module), *arguments], pass_fds=pass_fds)
         self.add(subscriber)
         return subscriber
 
     def add(self, subscriber: SubscriberProcess) -> None:
-        """Subscribe a started process; processes are closed in the order of the ``add`` calls."""
+        """
+        Send all events from now on to a process that has already been started.
+
+        At the end of the ``with`` block, processes are closed in the order in which they were
+        added.
+
+        :param subscriber: the process
+        """
         self._subscribers.append(subscriber)
         self._event_bus.subscribe(subscriber.send, subscriber.fail)
 
@@ -244,10 +274,14 @@ class SubscriberProcesses:
 
     def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         """
-        Send ``SessionEnded`` to all processes, and wait for their exit.
+        Send ``SessionEnded``, the last event, to all processes, and wait until they have exited.
+
+        The wait for each process ends after FINISH_TIMEOUT, or earlier if a signal ends the
+        program.
 
         :param kind: not used
-        :param error: the error that ended the block; None without one
+        :param error: the error that ended the ``with`` block; None if the block ended without an
+            error
         :param traceback: not used
         """
         self._event_bus.flush()
@@ -279,11 +313,11 @@ WRITE_TIMEOUT = 5.0
 
 class EventFile(SubscriberProcess):
     """
-    An unnamed temporary file that stores the events of a drive; another process writes it.
+    Stores the events of a drive in an unnamed temporary file; another process writes the file.
 
-    The events are not kept in the memory of the process that drives.  There, Python's garbage
-    collector would search them during the motion.  After 38 s at 200 Hz one search took 58 ms
-    (measured).
+    The process that drives does not keep the events in its memory, because Python's garbage
+    collector would search them during the motion.  After a drive of 38 s at 200 Hz, one search
+    took 58 ms (measured).
     """
 
     def __init__(self) -> None:
@@ -291,11 +325,18 @@ class EventFile(SubscriberProcess):
         super().__init__([sys.executable, '-I', '-S', '-c', COPY], stdout=self._file)
 
     def close(self, timeout: float = WRITE_TIMEOUT) -> int | None:
-        """Write all sent events to the file, and accept no more; a second call has no effect."""
+        """
+        Wait until all sent events are in the file, and accept no more events.
+
+        A second call has no effect.
+
+        :param timeout: how long to wait at most [s]
+        :returns: the exit code of the process that writes the file; None if it still runs
+        """
         return super().close(timeout)
 
     def events(self) -> Iterator[Event]:
-        """Yield all events sent so far, in order."""
+        """Yield all events that were sent so far, in order, as read from the file."""
         descriptor = self._file.fileno()
         wait_until(lambda: os.fstat(descriptor).st_size >= self.sent_bytes, WRITE_TIMEOUT)
         # Read with ``pread``: the other process continues to write at the file position.
