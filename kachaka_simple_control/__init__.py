@@ -14,7 +14,7 @@
 """
 Drive a robot with exactly timed velocities, and stop it at the end or after any error.
 
-Importing this package needs no ROS, because each name is loaded at its first use.
+Importing this package does not import ROS: each public name is imported at its first use.
 """
 
 from __future__ import annotations

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The entry point of the command ``kachaka_simple_control``, with shell completion."""
+"""
+The function that starts the command ``kachaka_simple_control``.
+
+With argcomplete installed, a shell can complete the arguments of this command.
+"""
 
 # PYTHON_ARGCOMPLETE_OK: with this mark, the global completion of argcomplete finds this file.
 
@@ -21,7 +25,11 @@ from kachaka_simple_control.entry_points import run
 
 
 def main() -> int:
-    """Run the command ``kachaka_simple_control``; return its exit code."""
+    """
+    Run the command ``kachaka_simple_control``, and return its exit code.
+
+    The command drives a motion, or shows the motion without driving.
+    """
     return run('commands.drive_or_preview')
 
 

@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The entry points of the commands.
+The functions that start the commands of this package, such as ``kachaka_calibrate``.
 
-During the slow import of modules, Ctrl+C ends a command at once, without a traceback.
+A command imports its modules slowly; during this time Ctrl+C ends the command at once, without a
+traceback.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ from kachaka_simple_control.control.interrupts import exit_on_interrupt
 
 def run(module: str) -> int:
     """
-    Run the function ``main`` of a module of this package.
+    Import a module of this package, and run its function ``main``.
 
-    :param module: the name of the module within the package
-    :returns: the exit code
+    :param module: the name of the module within the package, as in ``commands.calibrate``
+    :returns: the exit code that the function returns
     """
     exit_on_interrupt()
     # Imported only here, because before ``exit_on_interrupt`` Ctrl+C prints a traceback.
@@ -40,20 +41,32 @@ def run(module: str) -> int:
 
 
 def calibrate() -> int:
-    """Run the command ``kachaka_calibrate``; return its exit code."""
+    """Run the command ``kachaka_calibrate``, which calibrates a robot; return its exit code."""
     return run('commands.calibrate')
 
 
 def compare() -> int:
-    """Run the command ``kachaka_compare``; return its exit code."""
+    """
+    Run the command ``kachaka_compare``, and return its exit code.
+
+    The command compares several drives of the same motion.
+    """
     return run('commands.compare')
 
 
 def bridge() -> int:
-    """Run the command ``kachaka_bridge``; return its exit code."""
+    """
+    Run the command ``kachaka_bridge``, and return its exit code.
+
+    The command connects a Kachaka, a mobile robot, to ROS 2.
+    """
     return run('kachaka.bridge_command')
 
 
 def simulate() -> int:
-    """Run the command ``kachaka_sim``; return its exit code."""
+    """
+    Run the command ``kachaka_sim``, and return its exit code.
+
+    The command simulates a Kachaka, a mobile robot, with its gRPC server.
+    """
     return run('kachaka.sim_command')

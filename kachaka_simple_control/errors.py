@@ -11,16 +11,17 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The errors that refuse or end a motion, with messages for the user."""
+"""Define the errors that this package raises, with messages for the user."""
 
 from __future__ import annotations
 
 
 class ControlError(RuntimeError):
     """
-    The base class of all errors of this package.
+    The base class of the errors that this package raises for the user.
 
-    The message is one line.  The message of a file error has one line for each problem instead.
+    The message is one line.  Only the message of a ``FileError``, which is about a file, may have
+    several lines: one for each problem in the file.
     """
 
 
@@ -29,47 +30,62 @@ class UsageError(ControlError):
 
 
 class RobotNotFoundError(ControlError):
-    """No robot was found, or no robot was ready, within the timeout; the robot has not moved."""
+    """No robot was found, or the robot was not ready in time; the robot has not moved."""
 
 
 class RobotTakenError(RobotNotFoundError):
     """
-    Another program drives the robot, or runs a bridge with the same ROS names.
+    Another program already drives the robot, or another bridge uses the same ROS names.
 
-    This program has not moved the robot.
+    A bridge is a program that connects a robot to ROS.  This program has not moved the robot.
     """
 
 
 class MotionRefusedError(ControlError):
     """
-    A motion is refused, because no motion may start now.
+    A motion may not start now, or was ended early.
 
-    Examples are a start after a stop, during another motion, or in a callback.
+    For example, a motion may not start after a signal, during another motion, or in a callback of
+    the node.
     """
 
 
 class MotionRunningError(MotionRefusedError):
     """
-    A motion is refused, because another thread of this program drives the robot.
+    A motion may not start, because another thread of this program drives the robot.
 
     The motion of the other thread continues.
     """
 
 
 class MotionStoppedError(MotionRefusedError):
-    """A stop request ended a motion, as intended."""
+    """A motion was ended on request, for example by a call of ``stop_robot()``."""
 
 
 class RobotMovedError(MotionRefusedError):
-    """A motion stays paused, because the robot was moved during the pause."""
+    """
+    A paused motion may not be resumed, because the robot was moved during the pause.
+
+    The motion stays paused.
+    """
 
 
 class RunFaultError(ControlError):
-    """A run could not continue as planned; the robot was stopped."""
+    """
+    A motion could not continue as planned, a stop failed, or another fault occurred.
+
+    If the fault ended a motion, this program has stopped the robot, as far as it was able to.
+    """
 
 
 def control_error(error: BaseException) -> ControlError:
-    """Convert an error that ends a run to a ``ControlError``, unless it is one already."""
+    """
+    Convert the error that ends a motion to a ``ControlError``, and return it.
+
+    A ``ControlError`` is returned unchanged.
+
+    :param error: any error
+    """
     if isinstance(error, ControlError):
         return error
     return MotionRefusedError(f'the motion was ended by {error!r}')
@@ -82,7 +98,7 @@ HELD_UP_ADVICE = (
 
 
 class PauseTimeoutError(RunFaultError):
-    """A run was paused for too long; it was ended, and other programs may drive the robot."""
+    """A motion was paused for too long and was ended; other programs may now drive the robot."""
 
 
 class InvalidMotionError(ControlError, ValueError):
@@ -91,7 +107,8 @@ class InvalidMotionError(ControlError, ValueError):
 
     The robot has not moved.
 
-    :param message: the value with its unit, the limit and the remedy, without path and name
+    :param message: the text of the error: the value with its unit, the limit, and what to do, but
+        without ``path`` and ``name``
     :param path: the keys that lead to the value in the motion, for example
         ``steps[2].turn.speed``; None if unknown
     :param name: the name of the wrong value; None if more than one value is wrong
@@ -104,16 +121,24 @@ class InvalidMotionError(ControlError, ValueError):
         self.name = name
 
     def __str__(self) -> str:
-        """Return the message, after the path and the name if they are known."""
+        """Return the path and the name of the value, as far as known, followed by the message."""
         text = self.message if self.name is None else f'{self.name} is {self.message}'
         return text if self.path is None else f'{self.path}: {text}'
 
     def at(self, path: str) -> InvalidMotionError:
-        """Return a copy of the error with another path."""
+        """
+        Return a copy of the error with a new path.
+
+        :param path: the keys that lead to the wrong value, for example ``steps[2].turn.speed``
+        """
         return InvalidMotionError(self.message, path, self.name)
 
     def by(self, whose: str) -> InvalidMotionError:  # noqa: ARG002 (LimitError uses it)
-        """Return the error unchanged; only a ``LimitError`` names the owner of a limit."""
+        """
+        Return the error unchanged; only the subclass ``LimitError`` names the owner of a limit.
+
+        :param whose: not used
+        """
         return self
 
 
@@ -125,9 +150,11 @@ class LimitError(InvalidMotionError):
     :param unit: the unit of the value and of the limits
     :param highest: the highest allowed value
     :param lowest: the lowest allowed value; None if there is no lower limit
-    :param whose: the owner of the limit, for example ``the robot's``
-    :param note: a text about what else lowers the limit; empty for none
-    :param name: the name of the value; None if the path contains it
+    :param whose: the owner of the limit, for the message, for example ``the robot's``
+    :param note: the end of the message, which says for which motion the limit is valid, for
+        example ``backwards``; empty for any motion
+    :param name: the name of the value; None if the path of the value, which ``at`` sets, contains
+        the name
     """
 
     def __init__(
@@ -143,11 +170,19 @@ class LimitError(InvalidMotionError):
         self.whose, self.note = whose, note
 
     def at(self, path: str) -> LimitError:
-        """Return a copy of the error with another path."""
+        """
+        Return a copy of the error with a new path.
+
+        :param path: the keys that lead to the wrong value, for example ``steps[2].turn.speed``
+        """
         return self._changed(path, self.whose)
 
     def by(self, whose: str) -> LimitError:
-        """Return a copy of the error with another owner of the limit, such as ``the robot's``."""
+        """
+        Return a copy of the error whose message names another owner of the limit.
+
+        :param whose: the new owner, for example ``the robot's``
+        """
         return self._changed(self.path, whose)
 
     def _changed(self, path: str | None, whose: str) -> LimitError:

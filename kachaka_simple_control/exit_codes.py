@@ -40,7 +40,14 @@ program drives it; 128 + N stopped by signal N (130 after Ctrl+C)
 
 
 def code_of(error: BaseException) -> int:
-    """Return the exit code of a command that ended with an error."""
+    """
+    Return the exit code of a command that ended with an error.
+
+    The code is 2 for an invalid motion or option, 3 if no robot is ready or another program drives
+    the robot, and 1 for any other error.
+
+    :param error: the error
+    """
     if isinstance(error, (InvalidMotionError, UsageError)):
         return BAD_USAGE
     return NO_ROBOT if isinstance(error, RobotNotFoundError) else FAULTED
@@ -50,16 +57,22 @@ class OneLineParser(argparse.ArgumentParser):
     """An argument parser whose error messages are always one line."""
 
     def set_completers(self, completers: Mapping[str, Callable[..., list[str]]]) -> None:
-        """Set the argcomplete functions that complete arguments in a shell, by argument name."""
+        """
+        Set the functions with which argcomplete completes the arguments in a shell.
+
+        :param completers: the function for each argument, by the name of the argument
+        """
         for action in self._actions:
             if action.dest in completers:
                 action.completer = completers[action.dest]  # type: ignore[attr-defined]
 
     def error(self, message: str) -> NoReturn:
         """
-        Print a message in one line, and exit with code 2.
+        Print an error message in one line, and exit with code 2.
 
-        For an unknown option, the message suggests a similar one.
+        If the message is about an unknown option, a similar option is suggested.
+
+        :param message: the message
         """
         word = message.removeprefix('unrecognized arguments: ').partition('=')[0].partition(' ')[0]
         if word != message.partition('=')[0].partition(' ')[0]:

@@ -13,7 +13,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The node that drives a robot, and the lesson, which drives it through seven movements."""
+"""Define the node that drives a robot, and the lesson, an example with seven movements."""
 
 from __future__ import annotations
 
@@ -78,27 +78,30 @@ class KachakaSimpleControl(Node):
     Positive ``linear_x`` is forward [m/s], positive ``angular_z`` turns left [rad/s] (REP-103).
     The robot is stopped before the program ends, also after a signal or an exception.
 
-    :ivar profile: the profile of the robot
+    :ivar profile: the profile of the robot: its ROS names, its limits and its outline
     :ivar node_parameters: the values of the node's parameters
-    :ivar event_bus: publishes the events of each drive
-    :ivar session: the connection with the robot, for internal use by the command
-    :ivar commander: the functions that services and keys call, for internal use by the command
-    :ivar publisher: the publisher of velocities, for inspection only; ``publish()`` always fails
+    :ivar event_bus: passes the events of each drive, such as sent velocities, to displays and logs
+    :ivar session: the connection with the robot, for internal use in this package
+    :ivar commander: the functions that services and keys call to pause, resume and stop, for
+        internal use in this package
+    :ivar publisher: the publisher of velocities, for inspection only; its ``publish()`` always
+        raises an error
     """
 
     def __init__(
             self, parameter_defaults: Mapping[str, Any] | None = None, *, sim: bool = False,
             **node_options: Any) -> None:
         """
-        Create the node, and call ``rclpy.init()`` if needed.
+        Create the node, and call ``rclpy.init()`` if ROS is not initialized yet.
 
-        Nothing is sent before the first movement.
+        No velocity is sent before the first movement.
 
-        :param parameter_defaults: default values of parameters
-        :param sim: whether to start a simulated robot that is visible only on this machine; a
-            table is printed at the end
+        :param parameter_defaults: values that replace the usual default values of the node's
+            parameters, by parameter name
+        :param sim: whether to start a simulated robot, which is visible only on this machine; when
+            the node is closed, a table with the results of the drive is printed
         :param node_options: options of ``rclpy.node.Node``, for example ``namespace``
-        :raises UsageError: if the value of a parameter, or a name, is invalid
+        :raises UsageError: if the value of a parameter, or a ROS name, is invalid
         """
         if sim:
             start_on_this_machine(self)
@@ -160,16 +163,18 @@ class KachakaSimpleControl(Node):
         """
         Drive at a velocity for an exact duration, then send a zero velocity and return.
 
-        The first movement waits for the robot and enables its manual control.  If no movement
-        follows at once, the complete stop sequence is sent.
+        The first movement waits for the robot, and enables the manual control of the robot, so
+        that it accepts velocities.  If no movement follows at once, more zero velocities are sent,
+        to make sure that the robot stops.  Odometry does not correct this movement, even if the
+        parameter ``closed_loop`` is set.
 
-        :param linear_x: forward velocity [m/s], negative backwards; odometry does not correct it
+        :param linear_x: forward velocity [m/s], negative backwards
         :param angular_z: turning velocity [rad/s], positive to the left
         :param duration: the duration [s]
-        :raises InvalidMotionError: if a value is not finite or beyond the robot's limits;
-            nothing has moved
-        :raises RobotNotFoundError: if no robot listens; nothing has moved
-        :raises ControlError: if the run could not continue; the robot was stopped
+        :raises InvalidMotionError: if a value is not finite or beyond the robot's limits; nothing
+            has moved
+        :raises RobotNotFoundError: if no robot receives the velocities; nothing has moved
+        :raises ControlError: if the movement could not be completed; the robot was stopped
         """
         step = Move(linear_x, angular_z, duration)
         # Checked here, because the planner's error would name a step that the caller cannot know.
@@ -187,19 +192,21 @@ class KachakaSimpleControl(Node):
         """
         Drive a motion with exact timing, and return after the zero velocity at its end.
 
-        With the parameter ``closed_loop``, odometry corrects the velocities during the motion, and
-        the heading at its end.
+        If the parameter ``closed_loop`` is set, odometry corrects the velocities during the
+        motion, and the heading at the end of the motion.
 
-        The first drive waits for the robot and enables its manual control.  If no drive follows
-        at once, the complete stop sequence is sent.
+        The first drive waits for the robot, and enables the manual control of the robot, so that
+        it accepts velocities.  If no drive follows at once, more zero velocities are sent, to make
+        sure that the robot stops.
 
         :param motion: the motion
         :param limits: the limits for the plan; None for the robot's limits
-        :param request: a request that ``session.request`` accepted before, in another thread
+        :param request: the accepted request for this drive, if another thread has already called
+            ``session.request``; None to request the drive now
         :raises UsageError: if ``motion`` is not a ``Motion``; nothing has moved
         :raises InvalidMotionError: if the robot cannot drive the motion; nothing has moved
-        :raises RobotNotFoundError: if no robot listens; nothing has moved
-        :raises ControlError: if the run could not continue; the robot was stopped
+        :raises RobotNotFoundError: if no robot receives the velocities; nothing has moved
+        :raises ControlError: if the motion could not be completed; the robot was stopped
         """
         if not isinstance(motion, Motion):
             raise UsageError(
@@ -215,9 +222,10 @@ class KachakaSimpleControl(Node):
 
     def stop_robot(self) -> None:
         """
-        Stop the robot, and end a movement of another thread that runs or waits for the robot.
+        Stop the robot, and wait until the stop is complete.
 
-        Nothing is sent if this node has not yet taken control of the robot.
+        This also ends a movement that another thread drives, even if that movement still waits for
+        the robot.  Nothing is sent if this node has not yet got control of the robot.
 
         :raises RunFaultError: if the stop could not be sent, or odometry still shows motion
         """
@@ -228,16 +236,16 @@ class KachakaSimpleControl(Node):
         Pause the motion: brake within the robot's limits, and keep the robot at rest.
 
         A pause is not a stop: the robot brakes gently, and ``resume()`` continues the motion.  To
-        stop, call ``stop_robot()``.  Without a running motion, the next motion is paused at its
-        start.  Any thread may call this.
+        stop, call ``stop_robot()``.  If no motion is running, the next motion is paused at its
+        start.  Any thread may call this method.
         """
         self.commander.pause()
 
     def resume(self, even_if_moved: bool = False) -> None:
         """
-        Resume a paused motion; any thread may call this.
+        Resume a paused motion; any thread may call this method.
 
-        :param even_if_moved: whether to resume also if the robot was moved during the pause
+        :param even_if_moved: whether to resume even if the robot was moved during the pause
         :raises ControlError: if no motion may start now, or the robot was moved by more than 2 cm
             or 2 degrees; the motion stays paused
         """
@@ -246,9 +254,11 @@ class KachakaSimpleControl(Node):
     @property
     def speed_factor(self) -> float:
         """
-        Return the speed relative to the plan, from 0 to 1: the product of all factors.
+        Return the speed of the robot relative to the planned speed, from 0 to 1.
 
-        Set a value from 0.01 to 1 to drive slower on the same path.  Any thread may set it.
+        The value is the product of several factors.  One of them is set with this property: a
+        value from 0.01 to 1, to drive the same path more slowly.  Another is 0 during a pause.
+        Any thread may set this property.
         """
         return self.session.speed_factor.value
 
@@ -258,7 +268,11 @@ class KachakaSimpleControl(Node):
 
     @property
     def drive_log(self) -> DriveLog:
-        """Return the log of all drives so far; empty without the parameter ``summary``."""
+        """
+        Return a log of the motions, velocities and odometry of all drives of this node so far.
+
+        The log is empty if the parameter ``summary`` is not set.
+        """
         log = DriveLog()
         if self._event_file is not None:
             self.event_bus.flush()
@@ -268,20 +282,25 @@ class KachakaSimpleControl(Node):
 
     @property
     def is_heard(self) -> bool:
-        """Whether the velocity publishers of this node and of its guardian have a subscriber."""
+        """
+        Whether the velocity publishers of this node and of the guardian both have a subscriber.
+
+        The guardian is a separate process that stops the robot if this program cannot.
+        """
         return self.session.has_subscriber
 
     @property
     def stop_confirmed_after(self) -> float | None:
         """
-        Return the time between the start of the last stop and standstill in odometry [s].
+        Return the time from the start of the last stop until odometry showed standstill [s].
 
-        The value is None if the robot still moves, or there is no odometry.
+        The value is None before the first stop, if odometry still shows motion, and without
+        odometry.
         """
         return self.session.stop_confirmed_after
 
     def destroy_node(self) -> None:
-        """Stop the robot, release it, and destroy the node."""
+        """Stop the robot, release it for other programs, and destroy the node."""
         self._close()
         self._introspection.close()
         signal_dispatcher.unregister(self._signal_handler)
@@ -290,7 +309,13 @@ class KachakaSimpleControl(Node):
         super().destroy_node()
 
     def _delay(self, driven: Plan) -> str:
-        """Return a text with the duration of the last run if it was late; empty otherwise."""
+        """
+        Return a text with the duration of the last drive; an empty text if it ended in time.
+
+        The text is a part of a log message.
+
+        :param driven: the plan of the drive
+        """
         assert self.session.gate.run is not None
         took = time.monotonic() - self.session.gate.run.began
         is_delayed = took > driven.duration + driven.period + MAX_LATENESS
@@ -315,18 +340,22 @@ class KachakaSimpleControl(Node):
         atexit.register(self._close_at_exit)
 
     def _release(self) -> None:
-        """Stop all robots of the ROS context and release them before it shuts down."""
+        """Stop and release all robots of a ROS context; called before the context shuts down."""
         _sessions.close_all(self.context)
         self.session.close()
         self.event_bus.flush()
 
     def _close_at_exit(self) -> None:
-        """Stop and release all robots of the program, then close all parts of this node."""
+        """Stop and release the robots of all nodes, then close this node; called at exit."""
         _sessions.close_all()
         self._close()
 
     def _close(self) -> None:
-        """Stop the robot and release it; end the simulated robot if there is one."""
+        """
+        Stop and release the robot, save the last events, and end the simulated robot, if any.
+
+        A second call has no effect.
+        """
         self.session.close()
         self.event_bus.close()
         if self._event_file is not None:
@@ -336,24 +365,40 @@ class KachakaSimpleControl(Node):
 
 
 class _SignalHandler:
-    """Stops a node's robot when a signal or an exception ends the program."""
+    """Stops the robot of a node when a signal or an exception ends the program."""
 
     def __init__(self, node: KachakaSimpleControl) -> None:
         self._node = node
         self._guard_condition = node.create_guard_condition(lambda: None)
 
     def on_signal(self, signum: int) -> None:
-        """Stop at once and permanently; called in a separate thread."""
+        """
+        Stop the robot at once, and refuse all later motions; called in a separate thread.
+
+        :param signum: the number of the signal
+        """
         name = signal.Signals(signum).name
         self._node.session.stop_permanently(MotionRefusedError(f'stopped by {name}'))
 
     def wake(self) -> None:
-        """Wake a spinning main thread, so that Python runs its signal handlers there."""
+        """
+        Wake the main thread if it waits in an executor of rclpy.
+
+        Python runs its signal handlers only in the main thread, and only if that thread does not
+        wait in C++ code.
+        """
         self._guard_condition.trigger()
         wake_main_thread()
 
     def uncaught(self, error: BaseException) -> None:
-        """Stop permanently after an uncaught exception, because other threads may still drive."""
+        """
+        Stop the robot after an uncaught exception, and refuse all later motions.
+
+        The reason: other threads may still drive the robot.  But a ``MotionRunningError`` stops
+        nothing: it says that a motion of another thread goes on.
+
+        :param error: the exception
+        """
         if isinstance(error, MotionRunningError):
             return
         if isinstance(error, KeyboardInterrupt):
@@ -371,7 +416,8 @@ def play_lesson(robot_control: KachakaSimpleControl) -> None:
     """
     Drive the lesson's seven movements: forward, left and right, with a rest around each.
 
-    The lesson is defined only here: ``--plan``, ``--list`` and the report read this function.
+    The lesson is defined only here.  The options ``--plan`` and ``--list`` and the report read the
+    movements from this function.
 
     :param robot_control: the node that drives the robot
     """
@@ -388,7 +434,7 @@ def lesson(arguments: list[str] | None) -> None:
     """
     Initialize ROS, drive the lesson, and shut ROS down.
 
-    :param arguments: the arguments of ROS; None for the process's arguments
+    :param arguments: the command-line arguments for ROS; None for those of this process
     :raises ControlError: if the lesson could not be completed; the robot was stopped
     """
     rclpy.init(args=arguments)
@@ -407,10 +453,12 @@ def lesson(arguments: list[str] | None) -> None:
 
 def main(args: list[str] | None = None) -> int:
     """
-    Drive the lesson; the command ``kachaka_simple_control`` has more functions.
+    Drive the lesson, an example with seven movements, and return the exit code.
 
-    :param args: the arguments of ROS; None for the process's arguments
-    :returns: the exit code
+    This function is called if this file is run directly.  The command ``kachaka_simple_control``
+    has more functions.
+
+    :param args: the command-line arguments for ROS; None for those of this process
     """
     return run_command(lambda: lesson(args))
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Run the function of a command, print its error in one line, and return the exit code."""
+"""Run the function of a command, print an error in one line, and return the exit code."""
 
 from __future__ import annotations
 
@@ -34,9 +34,10 @@ NAME = 'kachaka_simple_control'
 
 def run_command(body: Callable[[], None], name: str = NAME) -> int:
     """
-    Run the function of a command, print its error in one line, and return the exit code.
+    Run the function of a command, print an error in one line, and return the exit code.
 
-    If the robot's stop failed after another error, the other error is printed too.
+    An error about a file may have several lines.  If the function fails, and then the stop of the
+    robot fails too, both errors are printed.
 
     :param body: the function that does the work of the command
     :param name: the name of the command, which is printed before the error
@@ -76,7 +77,12 @@ def _message(error: Exception, name: str) -> str:
 
 
 def _line_of_lesson(error: Exception) -> str:
-    """Return the file and line of the lesson's call that failed; empty for other errors."""
+    """
+    Return where in the lesson, the function ``play_lesson``, an error was raised.
+
+    :param error: the error
+    :returns: the place as ``file:line``; an empty text if the error was not raised in the lesson
+    """
     frames = traceback.extract_tb(error.__traceback__)
     return next((escaped(location(frame.filename, frame.lineno), MAX_LINE_LENGTH)
                  for frame in reversed(frames) if frame.name == LESSON_FUNCTION), '')

@@ -39,7 +39,13 @@ def escaped(text: object, max_length: int = 200) -> str:
 
 
 def escaped_lines(error: BaseException) -> str:
-    """Return the text of an error with each line escaped; a file error has several lines."""
+    """
+    Return the message of an error in a form that is safe to print on a terminal.
+
+    Unprintable characters are escaped, but line breaks are kept.
+
+    :param error: the error; only the message of an error about a file has several lines
+    """
     return '\n'.join(escaped(line, MAX_LINE_LENGTH) for line in str(error).split('\n'))
 
 
@@ -48,24 +54,42 @@ def quoted(text: str, max_length: int = 40) -> str:
     Return a text in quotes and with escape sequences, as in Python source.
 
     :param text: the text
-    :param max_length: the largest length [characters]; a longer text is cut and ends with three
-        dots
+    :param max_length: the largest length of the text before it is escaped [characters]; a longer
+        text is cut and ends with three dots
     """
     return repr(text if len(text) <= max_length else text[:max_length - 3] + '...')
 
 
 def format_fixed(value: float, digits: int) -> str:
-    """Return a number with a fixed count of decimal places; a zero never has a minus sign."""
+    """
+    Return a number as text with a fixed number of decimal places; zero has no minus sign.
+
+    :param value: the number
+    :param digits: the number of decimal places
+    """
     return f'{round(value, digits) + 0.0:.{digits}f}'
 
 
 def pluralize(count: int, singular: str, plural: str | None = None) -> str:
-    """Return a count with its noun; by default the plural is the singular with an s."""
+    """
+    Return a count with a noun, as in ``1 step`` or ``2 steps``.
+
+    :param count: the count
+    :param singular: the noun in the singular
+    :param plural: the noun in the plural; None to add an s to the singular
+    """
     return f'{count} {singular if count == 1 else plural or singular + "s"}'
 
 
 def one_line(text: str, width: int) -> str:
-    """Return any text as one printable line, cut to a width [columns of a terminal]."""
+    """
+    Return any text as one printable line, cut to a width.
+
+    Line breaks become spaces, and every unprintable character becomes a question mark.
+
+    :param text: the text
+    :param width: the largest width [columns of a terminal]
+    """
     line = ' '.join(text.split())
     return cut(''.join(char if char.isprintable() else '?' for char in line), width)
 
@@ -81,7 +105,7 @@ def cut(text: str, width: int) -> str:
 
 
 def width_of(text: str) -> int:
-    """Return the width of a text in a terminal [columns]."""
+    """Return how many columns a text takes up in a terminal."""
     # Chinese and Japanese characters have double width; combining marks have no width.
     return sum(
         0 if unicodedata.combining(char) else 1 + (unicodedata.east_asian_width(char) in 'WF')

@@ -32,7 +32,11 @@ def installed_version() -> str:
 
 
 def ros_distro() -> str:
-    """Return the ROS distribution that is sourced or installed from PyPI, or ``unknown``."""
+    """
+    Return the name of the ROS distribution in use, such as ``jazzy``, or ``unknown``.
+
+    This is the sourced distribution.  If none is sourced, it is the one installed from PyPI.
+    """
     from_pypi = (distro for distro in DISTROS if _version(f'ros-{distro}-rclpy'))
     return os.environ.get('ROS_DISTRO') or next(from_pypi, 'unknown')
 
