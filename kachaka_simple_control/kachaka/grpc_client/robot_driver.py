@@ -307,24 +307,17 @@ class LogThread(threading.Thread):
     def __init__(self, emit: Callable[[Level, str], None]) -> None:
         super().__init__(name='log', daemon=True)
         self._emit = emit
-        self._queue: queue.SimpleQueue[tuple[Level, str] | None] = queue.SimpleQueue()
-        self._last_times: dict[str, float] = {}
+        self._queue: queue.SimpleQueue[tuple[Level, str, float] | None] = queue.SimpleQueue()
         self.start()
 
     def log(self, level: Level, text: str) -> None:
         """
-        Queue a log message, unless it was also passed to this method less than 1 s before.
+        Queue a log message; any thread may call this method.
 
         :param level: the severity of the message
         :param text: the message
         """
-        now = time.monotonic()
-        # Texts contain numbers, so there may be many different ones: keep only recent ones.
-        self._last_times = {
-            known: at for known, at in self._last_times.items() if now - at < LOG_REPEAT_PERIOD}
-        if text not in self._last_times:
-            self._queue.put((level, text))
-        self._last_times[text] = now
+        self._queue.put((level, text, time.monotonic()))
 
     def close(self) -> None:
         """Write the queued log messages and end the thread, but wait at most 0.5 s for the end."""
@@ -333,8 +326,15 @@ class LogThread(threading.Thread):
 
     def run(self) -> None:
         """Write the queued log messages, and wait for new ones, until ``close()`` is called."""
+        last_times: dict[str, float] = {}
         while (entry := self._queue.get()) is not None:
-            self._emit(*entry)
+            level, text, now = entry
+            # Texts contain numbers, so there may be many different ones: keep only recent ones.
+            last_times = {known: at for known, at in last_times.items()
+                          if now - at < LOG_REPEAT_PERIOD}
+            if text not in last_times:
+                self._emit(level, text)
+            last_times[text] = now
 
 
 class Poller(threading.Thread):

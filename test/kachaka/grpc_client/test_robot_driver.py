@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 import queue
+import sys
 import threading
 import time
 
@@ -300,3 +301,27 @@ def test_log_thread_does_not_block_and_drops_repeats():
     held.set()
     log_thread.close()
     assert emitted == ['a', 'b']
+
+
+def test_several_threads_may_log_at_the_same_time():
+    log_thread, errors = LogThread(lambda level, text: None), []
+
+    def log_many(name):
+        try:
+            for number in range(1000):
+                log_thread.log(Level.WARN, f'{name} {number}')
+        except RuntimeError as error:
+            errors.append(error)
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        threads = [threading.Thread(target=log_many, args=(name,)) for name in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(interval)
+        log_thread.close()
+    assert not errors
