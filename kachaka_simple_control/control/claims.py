@@ -58,8 +58,8 @@ class ClaimedError(Exception):
     """
     A claim on a robot cannot be taken, because another program or node holds it already.
 
-    :param holder: the error message: a description of the holder, and when it took the claim if
-        this is known
+    :param holder: a text that describes the holder, if possible with the time when it took the
+        claim; this text is the error message
     :param is_own: True if the holder is another node in this process; False if it is another
         program
     """

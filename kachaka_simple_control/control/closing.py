@@ -29,11 +29,10 @@ Close = Callable[[], None]
 
 class Closers:
     """
-    A list of close functions, which stop and release robots, to be called at the same time.
+    A list of functions that stop and release robots; ``close_all`` calls them in parallel.
 
-    ``add`` starts a thread for each function.  This thread waits until ``close_all`` wakes it.
-    The thread is started so early because from Python 3.12 on, no thread can start while Python
-    shuts down.
+    ``add`` starts a thread for each function early, because from Python 3.12 on, no thread can
+    start while Python shuts down.  The thread waits for ``close_all``.
     """
 
     def __init__(self) -> None:
@@ -83,7 +82,7 @@ class Closers:
 
 class _Closer(threading.Thread):
     """
-    A thread that waits for a decision: to call a close function, or to end without calling it.
+    A thread that first waits, and then either calls a close function or ends without the call.
 
     :param close: the close function
     :param group: an object by which ``close_all`` can select this function

@@ -118,10 +118,10 @@ class DriveLoop:
         """
         Drive one or more robots until all drives have ended.
 
-        The caller has already begun each drive with ``RobotDrive.begin``.  If there are several
-        drives and an error ends one or all of them, the robot of each drive that was ended gets
-        one zero velocity at once.  In all cases, the caller then has to send the complete stop:
-        zero velocities until the command timeout of the robot has passed.
+        Before this call, begin each drive with ``RobotDrive.begin``.  After this call, even if it
+        raised an error, send the complete stop to each robot: zero velocities until the command
+        timeout of the robot has passed.  If there are several drives, this method sends one zero
+        velocity at once to the robot of each drive that an error ends.
 
         :param drives: the drives, one for each robot
         :param on_failure: a function that is called in this thread with a drive and the error that
@@ -194,9 +194,9 @@ def old_objects_frozen() -> Iterator[None]:
     Exclude all objects that exist now from garbage collection during a ``with`` block.
 
     The reason: the garbage collector takes 150 ms to search a million objects (measured), and no
-    other code of the process runs in this time.  After the block, the collector has the settings
-    that it had before the block, because the user's program may have changed them.  Blocks may
-    overlap, in one thread or in several threads.
+    other code of the process runs in this time.  Blocks of one thread or of several threads may
+    overlap: the first block excludes the objects, and the end of the last block restores the
+    settings that the collector had before.
     """
     global _runs  # noqa: PLW0603 (as the collector itself)
     with _lock:

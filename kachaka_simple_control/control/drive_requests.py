@@ -15,9 +15,8 @@
 Accept or refuse requests to drive a robot, and requests to resume a paused drive.
 
 Only one drive is accepted at a time.  A request to drive that comes at almost the same time as a
-request to stop is refused.  If a request to resume was refused with a warning, a second request
-can confirm it.  A stop cancels a drive at any time after it was requested, even before the robot
-moves.
+request to stop is refused.  A request to resume may be refused with a warning; a later request to
+resume can confirm this warning.  A stop cancels a requested drive even before the robot moves.
 """
 
 from __future__ import annotations
@@ -41,13 +40,13 @@ class DriveRequest:
     """
     An accepted request to drive, with the state of this drive until its end.
 
-    :param run: the run, an object without which no velocity of this drive can be sent; a stop
-        cancels it, even before the drive has begun
+    :param run: the permission to send the velocities of this drive; a stop cancels it, even before
+        the drive has begun
     :param thread: the identifier of the thread that requested the drive
     :param ended: when the drive was complete [s on the steady clock]; None before that time, or if
         the drive ended early
-    :param stopped_by: the error that describes a stop by another thread, during the drive or after
-        it; None if there was no such stop
+    :param stopped_by: an error that describes the stop, if another thread has stopped the robot
+        since this request; None if no other thread has
     """
 
     run: Run
@@ -60,9 +59,9 @@ class DriveRequests:
     """
     Accepts or refuses requests to drive, so that only one drive is under way at a time.
 
-    A program may drive several movements, one after the other.  If another thread stops the robot
-    between two movements, the second movement is refused.  This rule holds if the second movement
-    is requested within one period after the end of the first movement.
+    A stop also ends a series of movements.  If a thread requests a movement within one period
+    after its previous movement was complete, and another thread has stopped the robot since the
+    request for the previous movement, the new request is refused.
 
     :param gate: the velocity gate, the only object that publishes velocities; it creates a run,
         the permission to send velocities, for each drive
@@ -91,8 +90,8 @@ class DriveRequests:
         The caller has to call ``finish`` when the drive has ended.
 
         :returns: the accepted request; its ``run`` is needed to send the velocities of the drive
-        :raises ControlError: if another drive is under way, or if another thread has stopped the
-            robot between the previous movement of this program and the new one
+        :raises ControlError: if another drive is under way, or if the new drive would continue a
+            series of movements that another thread has stopped
         """
         if not self._busy.acquire(blocking=False):
             raise MotionRunningError('a motion is running already; wait for its end, or stop it')
@@ -118,9 +117,10 @@ class DriveRequests:
 
     def on_stop(self, reason: ControlError) -> None:
         """
-        Record that a thread stops the robot; call this before the current drive is cancelled.
+        Record that this thread stops the robot, unless it requested the newest drive itself.
 
-        A thread that stops its own drive may drive again at once, so its stop is not recorded.
+        Call this before the drive is cancelled.  A thread that stops its own drive is allowed to
+        drive again at once, so such a stop is not recorded.
 
         :param reason: the error that ``accept`` raises if a movement is requested right after the
             stop
@@ -137,14 +137,13 @@ class DriveRequests:
 
 class ResumeConfirmation:
     """
-    Decides whether a request to resume a paused drive confirms an earlier request.
+    Decides whether a request to resume a paused drive confirms a warning.
 
-    The earlier request was refused with a warning, because somebody moved the robot during the
-    pause.  A new request confirms the newest warning under two conditions.  It must come within
-    RESUME_CONFIRM_TIMEOUT after the warning, and no other request may have come during
-    RESUME_QUIET_TIME before it.  So the repeated requests of a key that is held down, or of
-    several clients, confirm nothing.  Each warning can be confirmed only once.  Any thread may
-    call the methods.
+    A request to resume is refused with a warning if somebody moved the robot during the pause.  A
+    later request confirms the newest warning if it comes within RESUME_CONFIRM_TIMEOUT after the
+    warning, and at least RESUME_QUIET_TIME after the previous request.  So requests that follow
+    each other quickly, for example while a key is held down, confirm nothing.  Each warning can be
+    confirmed only once.  Any thread may call the methods.
 
     :param clock: the steady clock [s]
     """

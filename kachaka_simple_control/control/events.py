@@ -162,11 +162,10 @@ class VelocitySent:
     @property
     def is_delayed(self) -> bool:
         """
-        Return whether ``plan_time`` differs from ``due``, because the plan is delayed.
+        Return whether a speed factor below 1 has delayed the plan.
 
-        ``due`` is the time since the start of the drive, and ``plan_time`` is the point in the
-        plan.  They differ after a speed factor below 1 has slowed the plan down.  Without a plan
-        the value has no meaning.
+        In this case ``plan_time`` (the point in the plan) differs from ``due`` (the time since the
+        start of the drive).  Without a plan the value has no meaning.
         """
         return self.plan_time != self.due
 
@@ -247,8 +246,8 @@ class MotionEnded:
     :param time: when the program noticed the end [s on the steady clock].  If the motion was
         complete, a zero velocity was sent just before this time
     :param reason: why the motion ended early; None if it was complete
-    :param is_fault: if the motion ended early: True if the cause was an error, False if somebody
-        requested the end
+    :param is_fault: whether an error ended the motion early; False if somebody requested the end.
+        Without meaning if the motion was complete
     """
 
     time: float

@@ -84,7 +84,7 @@ class Latch(SharedByte):
         Set the latch, a flag that blocks all later motion of the node.
 
         :param stop_time: when the guardian, a separate process, began to stop the robot [s on the
-            steady clock, above 0]; 0 if the node itself stops the robot
+            steady clock]; 0 if the node itself stops the robot
         """
         if stop_time:
             # Write the time before the byte: a reader that sees the byte set reads a valid time.
@@ -226,11 +226,10 @@ class NullGuardian:
 
     def prime(self) -> None:
         """
-        Count a request for a zero velocity, but publish nothing.
+        Add 1 to ``prime_count``, as if a guardian had published a zero velocity.
 
-        The guardian, a separate process that would publish it, does not exist in this case.
-
-        The caller waits until ``prime_count`` has reached the number of its requests.
+        The caller waits until ``prime_count`` has reached the number of its calls.  Without a
+        guardian process nothing is published.
         """
         self.prime_count += 1
 
@@ -281,19 +280,19 @@ class Guardian:
         """
         Return the DDS participants of the guardian, which is a separate process.
 
-        There are several if the guardian joined the ROS graph again, because a robot did not
-        discover it in time.
+        If its publisher does not discover a robot in time, the guardian creates another ROS node,
+        with another participant.
         """
         return self._process.participants
 
     @property
     def shared_memory(self) -> tuple[int, int] | None:
         """
-        Return the file descriptor of the memory shared with the guardian, and the robot's slot.
+        Return the descriptor of the memory shared with the guardian, and the robot's slot number.
 
-        The slot is the number of the part of this memory that belongs to the robot.  From this
-        part, another process can read when the guardian began to stop the robot.  The value is
-        None after the guardian process has ended.
+        The slot is the part of this memory that belongs to the robot.  From this slot, another
+        process can read when the guardian began to stop the robot.  The value is None after the
+        guardian process has ended.
         """
         file = self._process.shared_file
         return None if file is None else (file, self.number)
@@ -302,8 +301,8 @@ class Guardian:
         """
         Ask the guardian, a separate process, to publish one zero velocity before the first motion.
 
-        Such messages make sure that the robot already receives messages of the guardian when it
-        moves.
+        The reason: the first messages of a new publisher may be lost.  So they must not be the
+        messages that stop the robot.
 
         :raises RunFaultError: if the guardian has ended
         """
@@ -357,9 +356,10 @@ class Guardian:
         """
         Process a line that the guardian, a separate process, has printed about this robot.
 
-        :param word: ``primed`` (the guardian has published a requested zero velocity), ``matched``
-            (the robot subscribes to its messages), ``stopped`` (it has stopped the robot, or is
-            doing so) or ``left`` (it sends nothing more to the robot)
+        :param word: what has happened.  ``primed``: the guardian has published a requested zero
+            velocity.  ``matched``: the robot subscribes to the guardian's messages.  ``stopped``:
+            the guardian stops the robot, or has stopped it.  ``left``: the guardian sends nothing
+            more to the robot
         :param value: why the guardian stopped the robot, if the word is ``stopped``; otherwise
             unused
         """
@@ -380,12 +380,12 @@ class Guardian:
 
 class GuardianProcess:
     """
-    Starts the guardian, a separate process that stops robots, and sends messages to it.
+    Starts the guardian process, and sends messages to it.
 
-    The guardian runs in its own session (``setsid``), so Ctrl+C does not reach it.  The messages
-    go through a pipe.  When the node ends, the pipe closes, and the guardian notices this.  A
-    child process of the node closes its copy of the pipe at once, because an open copy would hide
-    the end of the node.
+    The guardian stops robots if the node cannot.  It runs in its own session (``setsid``), so
+    Ctrl+C does not reach it.  The messages go through a pipe.  When the node ends, the pipe
+    closes, and the guardian notices this.  A forked child process of the node closes its copy of
+    the pipe at once, because an open copy would hide the end of the node.
 
     :param command: the command that starts the guardian.  Three file descriptors are added as its
         last arguments: the pipe for messages, the socket for descriptions of robots, and the file

@@ -86,7 +86,7 @@ def make_log_nonblocking() -> None:
 
 def make_blocking(descriptor: int) -> None:
     """
-    Make an output blocking that this process has inherited as non-blocking.
+    Make an output of this process blocking, if the process has inherited it as non-blocking.
 
     Other processes that use the same output are not affected.
 
@@ -101,7 +101,7 @@ def discard_unread() -> None:
     """
     Write the buffered text of standard output, and drop the text that nobody reads in time.
 
-    Without this, Python could wait without end for the reader when it exits.
+    Call this when Python exits.  Otherwise Python could wait for ever until somebody reads.
     """
     if not _may_block(STDOUT):
         return
@@ -133,8 +133,8 @@ class NonblockingStream(io.RawIOBase):
     An unbuffered output stream that drops data which cannot be written in time.
 
     A write waits up to FLUSH_TIMEOUT until the output has room for data.  After such a timeout,
-    data is dropped without a wait until there is room again.  If the reader has closed its end of
-    a pipe, data is dropped without an error.
+    each write drops its data at once if the output still has no room.  If the reader has closed
+    its end of a pipe, data is dropped without an error.
 
     :param descriptor: the non-blocking file descriptor to write to; the stream never closes it
     :param name: the name of the stream

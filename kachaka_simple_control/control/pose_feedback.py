@@ -357,10 +357,9 @@ def _reachable(
 
     :param wanted: the wanted velocity
     :param last: the velocity that was sent last
-    :param planned_change: the difference between the planned velocity and the previous planned
-        velocity; a change by this difference is always allowed
-    :param largest_change: the largest increase or decrease from ``last`` that is allowed in any
-        case
+    :param planned_change: the change from the previous planned velocity to the current one; the
+        same change from ``last`` is allowed, even if it is larger than ``largest_change``
+    :param largest_change: the largest allowed increase or decrease from ``last``
     :param bounds: the smallest and the largest allowed velocity
     """
     low = last + min(planned_change, -largest_change)
@@ -370,9 +369,9 @@ def _reachable(
 
 def _rate(acceleration: float, deceleration: float, duration: float) -> float:
     """
-    Return the largest change of a velocity, up or down, that is possible in a given time.
+    Return how much a velocity can both increase and decrease in a given time.
 
-    It is the smaller one of both limits, multiplied by the time.
+    This is the smaller acceleration limit, multiplied by the time.
 
     :param acceleration: the limit for an increase [m/s^2] or [rad/s^2]
     :param deceleration: the limit for a decrease, in the same unit

@@ -50,7 +50,7 @@ class RunState(Enum):
 @dataclass(frozen=True)
 class RunProgress:
     """
-    The progress of the newest run, which is one drive of the robot, at one moment.
+    The progress of the newest run at one moment; a run is one drive of the robot.
 
     The object never changes.
 
@@ -64,7 +64,7 @@ class RunProgress:
     :param way: the planned pose relative to ``start``, integrated from the planned velocities
         since t = 0
     :param factors: the speed factors below 1, by the name of the source that set them, such as a
-        pause; the robot drives slower than planned by their product
+        pause; their product is the speed of the robot relative to its plan
     :param late: how many velocities in all runs were sent a quarter of a period or more after they
         were due
     :param skipped: how many velocities in all runs were not sent, because the next velocity was
@@ -160,7 +160,7 @@ class RobotDrive:
         """
         Show in the property ``progress`` which motion is driven next.
 
-        The robot may not be connected yet.
+        The robot need not be connected yet.
 
         :param title: the name of the motion
         :param plan: the plan of the motion; None if velocities are commanded directly
@@ -236,9 +236,9 @@ class RobotDrive:
 
     def on_source_changed(self) -> None:
         """
-        Make ``step`` get a velocity from its source at once, because a new one was commanded.
+        Make ``step`` get the velocity to send from its source at once, before it is due.
 
-        Any thread may call this.
+        Call this after a new velocity was commanded.  Any thread may call this.
         """
         self._has_source_changed = True
         self.gate.wake()
@@ -280,7 +280,9 @@ class RobotDrive:
 
     def _count(self, sent: float) -> None:
         """
-        Count how many velocities were late or were skipped, after a velocity was sent.
+        Update the counts of late velocities and of skipped velocities.
+
+        Call this after each velocity.
 
         :param sent: when the velocity was sent [s on the steady clock]
         """

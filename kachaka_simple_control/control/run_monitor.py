@@ -70,12 +70,12 @@ class PendingResponse(Protocol):
 
 class LeaseRenewer:
     """
-    Requests manual control again before it expires, if possible while the plan is at rest.
+    Requests manual control again before it expires.
 
     Manual control is the mode in which a robot accepts velocities.  The robot grants it for a
     limited time (a lease).  While the robot processes a request for manual control, it processes
-    no velocity.  If the response takes longer than the robot's command timeout, the robot has
-    stopped in the middle of the motion.
+    no velocity.  If this takes longer than its command timeout, the robot stops.  So the request
+    is sent while the robot is at rest, if the plan contains a rest in time.
 
     :param request: a function that sends a request, and does not wait for the response
     :param response_timeout: how long a response may take while the robot is driven [s]
@@ -201,7 +201,7 @@ class OtherPublishers(Protocol):
 
 
 class RunTimeouts(Protocol):
-    """Two time limits of a drive: for the time in a pause, and for the silence of odometry."""
+    """Two time limits: how long a drive may be paused, and how long odometry may be silent."""
 
     @property
     def odometry_timeout(self) -> float:
@@ -261,8 +261,9 @@ class RunMonitor:
         """
         Return the speed of the robot relative to its plan, from 0 to 1.
 
-        While a source, such as a pause, sets its factor to 0, the value is 0 and the robot is held
-        at rest.  After this the value stays 0 until the checks allow the robot to move again.
+        A pause, or another source that sets its factor to 0, makes this value 0 and so keeps the
+        robot at rest.  After the end of the pause, the value stays 0 until ``check`` has found
+        that the robot may move again.
         """
         if self._speed_factor.is_hold:
             self._is_released = False
@@ -272,9 +273,7 @@ class RunMonitor:
 
     def correct(self, tick: Tick, now: float) -> Velocity:
         """
-        Return the velocity to send, which a closed loop may have corrected.
-
-        Without a closed loop, this is the planned velocity.
+        Return the velocity to send: the planned velocity, corrected if there is a closed loop.
 
         :param tick: the planned velocity, with the time when it is due
         :param now: when the velocity is sent [s on the steady clock]
@@ -318,11 +317,11 @@ class RunMonitor:
 
     def check_resume(self) -> None:
         """
-        Check whether a drive may continue after a pause, in which the robot was held at rest.
+        Check that a paused drive may continue.
 
-        These are checks that are also made before a drive: the robot still subscribes, it was not
-        replaced by another robot, no other robot receives the velocities, and odometry is not
-        silent.
+        The conditions: the robot still subscribes, it was not replaced by another robot, no other
+        robot receives the velocities, and odometry is not silent.  They are also checked before a
+        drive.
 
         :raises RunFaultError: if the drive must not continue
         """
@@ -379,10 +378,9 @@ class RunMonitor:
         """
         Allow the robot to move again after a pause, unless somebody moved it during the pause.
 
-        In a pause, a speed factor of 0 holds the robot at rest.  The thread that drives the robot
-        calls this method, and holds no lock.  So the thread that ends the pause does not wait for
-        the checks.  If the robot was moved, it stays at rest until somebody resumes the motion
-        again.
+        If the robot was moved, it stays at rest until somebody resumes the motion again.  This
+        method calls ``check_resume``, which takes time.  So the thread that drives the robot calls
+        this method, without a lock, and the thread that ends the pause does not wait.
 
         :raises RunFaultError: if the drive must not continue
         """

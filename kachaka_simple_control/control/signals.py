@@ -136,7 +136,7 @@ class SignalDispatcher:
     @contextlib.contextmanager
     def deferred(self) -> Iterator[None]:
         """
-        Delay the exceptions that signals raise in the main thread to the end of a ``with`` block.
+        Delay the exceptions of signals until the end of a ``with`` block in the main thread.
 
         The registered handlers are still called at once.  In other threads the block has no
         effect, because signals raise exceptions only in the main thread.

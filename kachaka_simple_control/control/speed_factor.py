@@ -80,7 +80,9 @@ class SpeedFactor:
     def set(  # noqa: A003
             self, name: str, factor: float, valid_for: float | None = None) -> bool:
         """
-        Set the factor of one source; a robot that drives changes its speed within its limits.
+        Set the factor of one source.
+
+        A moving robot reaches its new speed gradually, because it keeps its acceleration limits.
 
         :param name: the name of the source, such as ``pause``
         :param factor: the factor, from 0 to 1
@@ -112,7 +114,7 @@ class SpeedFactor:
         return True
 
     def _expire(self) -> None:
-        """Set each factor whose time limit has passed to 0, which holds the robot at rest."""
+        """Set each expired factor to 0, so that the robot is held at rest."""
         if not self._expiries:
             return
         now = self._clock()

@@ -118,8 +118,8 @@ class PausePose:
         """
         Process an odometry message.
 
-        If the robot is paused and has stood still for REST_SETTLE_TIME, its pose becomes the pose
-        of the pause, from which ``moved`` measures.
+        When the paused robot has stood still for REST_SETTLE_TIME, its pose is stored.  ``moved``
+        measures from this pose.
 
         :param now: when the message arrived [s]
         :param pose: the pose of the robot in the message
@@ -137,7 +137,7 @@ class PausePose:
         """
         Accept that somebody moved the robot in the pause, so that ``moved`` starts again at 0.
 
-        The current pose of the robot becomes the pose of the pause.
+        From now on ``moved`` measures from the current pose of the robot.
         """
         if self._pose is not None:
             self._pose = self.newest

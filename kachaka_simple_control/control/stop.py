@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Stop the robot, only once for each drive, and check with odometry that it stands still.
+Stop the robot once for each drive, and check with odometry that it stands still.
 
 A stop consists of zero velocities until the robot's command timeout has passed.
 """
@@ -114,15 +114,15 @@ class StopController:
         """
         Stop the newest run, and wait until all zero velocities of the stop were sent.
 
-        A run is one drive of the robot.  If ``reason`` is given, this method first ends the newest
-        run, so that no thread can send another velocity of it.
+        A run is one drive of the robot.
 
-        :param reason: the error that the thread of the run raises; None if the run has already
-            ended
-        :param only: used if ``reason`` is None: the run to stop; nothing is sent if a newer run
-            has begun
-        :returns: why the stop could not be sent; None if it was sent now or before, or if a new
-            run ended it early
+        :param reason: an error, with which this method first ends the newest run; the thread of
+            this run raises the error and can send no further velocity.  None if the run to stop
+            has already ended
+        :param only: the run to stop, if ``reason`` is None; nothing is sent if a newer run has
+            begun
+        :returns: why the stop could not be sent; None if it was sent now or before, or if a newer
+            run has begun
         """
         run = only
         if reason is not None:

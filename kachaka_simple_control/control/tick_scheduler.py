@@ -102,9 +102,9 @@ class TickScheduler:
 
     While the speed factor is 1, the velocities are exactly those of the plan.  A plan is a
     sequence of trajectories, each with its own velocity profile.  When the speed factor changes,
-    the current trajectory is planned again from the position and velocity that it has reached.
-    Each later trajectory is planned again when it begins, until one of them can be driven exactly
-    as in the plan.
+    the rest of the current trajectory is planned again, from the position and velocity that the
+    robot has reached in the plan.  Each later trajectory is planned again when it begins, until
+    one of them can be driven exactly as in the plan.
 
     :param plan: the plan
     """
@@ -155,7 +155,7 @@ class TickScheduler:
 
         A trajectory is a part of the plan.
 
-        :param tick: the velocity from whose start on the new speed factor applies
+        :param tick: the velocity that is due; the new speed factor applies from its start on
         :param factor: the new speed relative to the plan, from 0 to 1
         """
         self._factor = factor
@@ -230,9 +230,9 @@ class _ReplannedTrajectory:
     :param step: the index of the step that contains the trajectory
     :param number: the index of the trajectory in this step
     :param plan_start: when the trajectory begins in the plan [s after the start of the plan]
-    :param reached: the velocity at the end of the previous trajectory, in the unit of that
-        trajectory [m/s] or [rad/s]; 0 if the robot stood still
-    :param state: the position and velocity from which the trajectory continues; None if the
+    :param reached: the velocity at the end of the previous trajectory [m/s, rad/s, or plan seconds
+        per second]; 0 if the robot stood still
+    :param state: the position and velocity that are reached in the trajectory; None if the
         trajectory has not begun
     """
 
@@ -264,8 +264,8 @@ class _ReplannedTrajectory:
         """
         Yield the velocities of the trajectory, from its current position to its end.
 
-        A trajectory is a part of the plan.  If the speed factor stops the robot before this end,
-        yield zero velocities without end.
+        A trajectory is a part of the plan.  If the speed factor stops the robot on the way, yield
+        zero velocities for ever.
 
         :param factor: the speed relative to the plan, from 0 to 1
         :param now: when the first of these velocities is due [s after the start of the drive]
@@ -323,7 +323,8 @@ def _at_plan_time(plan: Plan, time: float) -> _ReplannedTrajectory:
     """
     Return the trajectory, a part of the path, that is driven at a given time of a plan.
 
-    The trajectory can be planned again from its position and velocity at this time.
+    The returned object contains the planned position and velocity at this time.  So the rest of
+    the trajectory can be planned again.
 
     :param plan: the plan
     :param time: the time [s after the start of the plan]
@@ -350,7 +351,8 @@ def _velocity_before(plan: Plan, step: int, number: int) -> float:
     :param plan: the plan
     :param step: the index of the step that contains the given trajectory
     :param number: the index of the given trajectory in this step
-    :returns: the velocity along the path [m/s] or [rad/s]; 0 if the robot stands still before
+    :returns: the velocity along the path [m/s, rad/s, or plan seconds per second]; 0 if the robot
+        stands still then
     """
     before = [*plan.steps[step].trajectories[:number]]
     while step and not any(trajectory.duration for trajectory in before):

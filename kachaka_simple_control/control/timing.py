@@ -222,7 +222,9 @@ CONNECTION_TIMEOUT = 1.0
 
 def max_gap(period: float | None, command_timeout: float) -> float:
     """
-    Return the longest time between two velocity messages that is not yet a fault [s].
+    Return the longest allowed time from one velocity message to the next one [s].
+
+    A longer time is a fault.
 
     :param period: the normal time between two messages [s]; None if it is unknown
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]; the

@@ -82,10 +82,10 @@ class Run:
 
 class PortTime:
     """
-    The total time that the driving thread has waited for calls to DDS, for all its robots.
+    The total time that the driving thread has spent in the DDS calls of all its robots.
 
     While the thread waits in a DDS call for one robot, it cannot send to the other robots.  So
-    this time does not count when the time between two messages is checked.
+    this time, up to PUBLISH_TIMEOUT, does not count when the time between two messages is checked.
     """
 
     def __init__(self) -> None:
@@ -333,11 +333,12 @@ class VelocityGate:
 
     def _publish_guardian_stop(self, now: float) -> None:
         """
-        Report to logs and displays, once, that the guardian has begun to stop the robot.
+        Report only once to logs and displays that the guardian has begun to stop the robot.
 
         The guardian is a separate process that stops the robot if this program cannot.
 
-        :param now: the time [s on the steady clock]; only a stop that began before is reported
+        :param now: the time [s on the steady clock]; only a stop that began before this time is
+            reported
         """
         stopped = self._latch.guardian_stop_time
         if stopped is not None and not self._has_logged_guardian and stopped < now:

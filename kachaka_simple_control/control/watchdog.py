@@ -64,13 +64,12 @@ class Watchdog:
     node has sent its complete stop, the guardian does not stop the robot again.  It stops the
     robot at most once in each run.
 
-    Time without a message counts only while the guardian runs.  If the whole machine pauses for a
-    moment, both processes are held up, and this must not end a good run.  The node itself checks
-    the time between its velocities.  Time that the node spends in DDS calls is limited by
-    PUBLISH_TIMEOUT instead: one publish call took a third of a second while a node joined the
-    graph (measured).
+    Time without a message counts only while the guardian runs, because a short pause of the whole
+    machine must not end a good run.  The node itself checks the time between its velocities.  Time
+    in which the node waits in a DDS call is counted separately, with the limit PUBLISH_TIMEOUT:
+    one publish call took a third of a second while a node joined the graph (measured).
 
-    :param heartbeat_timeout: how long a run may go without a heartbeat [s]
+    :param heartbeat_timeout: the longest allowed time without a heartbeat during a run [s]
     """
 
     def __init__(self, heartbeat_timeout: float = HEARTBEAT_TIMEOUT) -> None:
@@ -119,7 +118,9 @@ class Watchdog:
 
     def on_disconnect(self) -> bool:
         """
-        Process the end of all messages from the node, because the node or the guardian ends.
+        End the watch of the robot, because no more messages from the node are processed.
+
+        This is so if the node has released the robot, or if the node or the guardian ends.
 
         :returns: whether the guardian has to stop the robot now, because the node has not reported
             a complete stop
@@ -169,9 +170,8 @@ class GuardianWatch:
     """
     Detects, in the node, that its guardian is frozen and no longer checks heartbeats.
 
-    The guardian is a separate process.  It checks the heartbeats, by which the node shows that it
-    works.  Only time in which the node runs counts, because a pause of the whole machine holds up
-    both processes.
+    The guardian is a separate process that checks the heartbeats of the node.  Time counts only
+    while the node runs, because a pause of the whole machine holds up both processes.
     """
 
     def __init__(self) -> None:
