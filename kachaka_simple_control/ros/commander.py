@@ -195,7 +195,8 @@ class Commander:
         the place where the robot stands now.
 
         :returns: a text for the user that says what was done
-        :raises RobotMovedError: if the robot was moved, and this is not such a second call
+        :raises RobotMovedError: if the robot was moved, and this is the first call, or a second
+            call at another time
         :raises ControlError: if no motion may start now
         """
         try:
@@ -296,8 +297,8 @@ def _service(function: Callable[[], str]) -> Callable[
     """
     Return a callback for a ``std_srvs/Trigger`` service; the callback calls a function.
 
-    :param function: returns the text for the response.  If it raises a ControlError, the response
-        has the text of this error, and its field ``success`` is False
+    :param function: returns the text for the response.  If it raises a ControlError, the text of
+        this error is sent instead, and the field ``success`` of the response is False
     """
     def respond(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request

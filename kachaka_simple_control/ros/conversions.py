@@ -78,8 +78,8 @@ def diagnostics(
     """
     Return a DiagnosticArray message with one status for each diagnosis.
 
-    :param diagnoses: the diagnoses by the name of their status; a diagnosis has a level, a message
-        and named values
+    :param diagnoses: the diagnoses, each with a level, a message and named values; the keys are
+        the names of the statuses
     :param stamp: the time stamp of the message
     :param hardware_id: a text that names the hardware which the diagnoses describe
     """

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Make Fast DDS use UDP without shared memory and, on request, only within this machine."""
+"""Make Fast DDS use UDP instead of shared memory, and limit discovery to this machine."""
 
 from __future__ import annotations
 
@@ -57,30 +57,31 @@ def use_udp_transport() -> None:
 
 def use_localhost_only() -> None:
     """
-    Limit discovery of this process and its children to this machine, unless the user set a range.
+    Limit DDS discovery of this process and its children to this machine.
 
-    The reason: a simulated robot has the same ROS names as a real robot, and the real robot must
-    not receive the velocities for the simulated robot.  Call this function before ``rclpy.init``.
+    Do nothing if the user has set ROS_LOCALHOST_ONLY, or has set ROS_AUTOMATIC_DISCOVERY_RANGE to
+    another value than LOCALHOST.  Call this function before ``rclpy.init``.
 
-    The limit is set by an XML profile of Fast DDS, ``loopback.xml``.  If this profile cannot be
-    used, an environment variable of ROS sets the limit.  The profile is preferred for this reason:
-    the ROS setting ``ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`` enables shared memory, and with it
-    every third new participant is discovered three seconds late.
+    The reason for the limit: a simulated robot has the same ROS names as a real robot, and the
+    real robot must not receive the velocities for the simulated robot.
 
-    A process with this profile announces itself by multicast, and by unicast to the first 32
-    participants of this machine.  Nodes with the ROS setting LOCALHOST need the unicast: they
-    receive no multicast, and announce themselves only to these 32 participants.  More than 32
-    would be harmful: Fast DDS receives nothing until it has sent all unicast announcements, so it
-    loses the answer of a robot that answers fast.  With 120 participants, every answer was lost.
-    The unicast announcements are 320 small packets per second for five seconds, then 128 per
-    second, all on this machine.
+    The limit is set by ``loopback.xml``, an XML profile of Fast DDS.  If it cannot be used, an
+    environment variable of ROS sets the limit.  The profile is preferred, because with
+    ``ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`` Fast DDS uses shared memory, and every third new
+    participant is discovered 3 s late.
 
-    With this profile, a participant announces itself ten times per second for five seconds, then
-    four times per second.  With ``udp.xml``, the profile for all machines, it does so ten times
-    per second for five seconds, then once per second.  The default of Fast DDS is five
-    announcements, then one every three seconds.  With this default, every second or third robot
-    was discovered three seconds late.  ``benchmarks/experiments/driven_robot.py`` measures how
-    long a drive takes to start.
+    With the profile, a participant announces itself 10 times per second for 5 s, then 4 times per
+    second.  It does so by multicast, and by unicast to the first 32 participants of this machine.
+    These are 320 small unicast packets per second for 5 s, then 128 per second.  Nodes with the
+    ROS setting LOCALHOST need the unicast: they receive no multicast, and announce themselves only
+    to these 32 participants.  A larger number would do harm: Fast DDS receives nothing until it
+    has sent all unicast announcements, so the answer of a fast robot is lost.  With 120
+    participants, every answer was lost.
+
+    With ``udp.xml``, the profile for all machines, a participant announces itself 10 times per
+    second for 5 s, then once per second.  By default, Fast DDS sends 5 announcements, then one
+    every 3 s.  With this default, every second or third robot was discovered 3 s late.
+    ``benchmarks/experiments/driven_robot.py`` measures how long a drive takes to start.
     """
     if os.environ.get(RANGE, 'LOCALHOST') != 'LOCALHOST' or LOCALHOST_ONLY in os.environ:
         return
@@ -96,13 +97,12 @@ def start_on_this_machine(own: object) -> None:
     """
     Limit ROS to this machine for a simulated robot, and initialise ROS if it is not initialised.
 
-    The reason: a simulated robot has the same names as a real robot.  A program on another machine
-    that drives the real robot would end its drive if it discovered the simulated robot.
+    The reason: a simulated robot has the same names as a real robot.  A program that drives the
+    real robot from another machine would end its drive if it discovered the simulated robot.
 
-    :param own: the node that is being created; no other node may exist yet if ROS is initialised
-        already
-    :raises UsageError: if ROS is initialised already, and it is too late to limit it to this
-        machine
+    :param own: the node that is being created and calls this function
+    :raises UsageError: if ROS is initialised already without a limit, and the limit can no longer
+        be set, for example because another node exists
     """
     import rclpy
     from rclpy.node import Node
@@ -140,7 +140,7 @@ def is_range_chosen() -> bool:
 
 def can_still_be_localhost_only() -> bool:
     """
-    Return whether discovery can still be limited to this machine after ``rclpy.init``.
+    Return whether a program that has called ``rclpy.init`` can still limit DDS to this machine.
 
     This is possible only with an XML profile, which Fast DDS reads when the first node is created.
     It is not possible with Humble or another DDS implementation.  It is also not possible if

@@ -102,7 +102,7 @@ class PublisherThread:
     A thread that sends the messages of all debug topics of a node; the first message starts it.
 
     :param node: the node that gets the publishers of the debug topics
-    :param velocities: the publisher of the velocities that move the robot; its topic may not be
+    :param velocities: the publisher of the velocities that move the robot; its topic must not be
         used as a debug topic
     :param may_publish: returns whether messages may be sent now; otherwise they are dropped
     :param on_error: called with the publisher and the error if a message could not be sent
@@ -211,9 +211,10 @@ class DebugTopic:
 
 class SpeedFactorPublisher(DebugTopic):
     """
-    Publishes the speed factor, the speed of the robot relative to the plan, when it changes.
+    Publishes the speed factor when it changes.
 
-    A subscriber that joins later still receives the newest value.
+    The speed factor is the speed of the robot relative to the plan.  A subscriber that joins later
+    still receives the newest value.
     """
 
     def __init__(self, thread: PublisherThread) -> None:
@@ -223,14 +224,14 @@ class SpeedFactorPublisher(DebugTopic):
         """
         Publish the speed factor, the speed of the robot relative to the plan.
 
-        :param factor: from 0, at rest, to 1, as planned
+        :param factor: from 0 (at rest) to 1 (the planned speed)
         """
         self._send(lambda: bytes(serialize_message(Float64(data=factor))))
 
 
 class CommandedVelocityPublisher(DebugTopic):
     """
-    Publishes a copy of each velocity that was sent to the robot, while there are subscribers.
+    While there are subscribers, publishes a copy of each velocity that was sent to the robot.
 
     The QoS is best effort, because a plot needs only the newest value.  A reliable publisher would
     have more work with subscribers that are slow, have ended or are frozen.
@@ -250,7 +251,9 @@ class CommandedVelocityPublisher(DebugTopic):
 
     def on_sent(self, event: Event) -> None:
         """
-        Publish a copy of a velocity that was sent to the robot, if there are subscribers.
+        Publish a copy of a velocity that was sent to the robot.
+
+        Do nothing if there are no subscribers.
 
         :param event: a ``VelocitySent`` event, whose send time becomes the time stamp of the copy;
             other events are ignored
@@ -275,7 +278,7 @@ class CommandedVelocityPublisher(DebugTopic):
 
 class DiagnosticsPublisher(DebugTopic):
     """
-    Publishes a diagnosis of the drive each time ``publish`` is called, if there are subscribers.
+    Publishes a diagnosis of the drive when ``publish`` is called and there are subscribers.
 
     :param robot: a text with the name of the robot and its velocity topic
     :param diagnose: returns the current diagnosis; None if there is nothing to publish
@@ -326,7 +329,7 @@ class PathTopic(DebugTopic):
 
 class PlannedPathPublisher(PathTopic):
     """
-    Publishes the path that the robot will drive, before the robot moves.
+    Before the robot moves, publishes the path that it will drive.
 
     A subscriber that joins later still receives the newest path.
     """
@@ -339,9 +342,9 @@ class PlannedPathPublisher(PathTopic):
 
     def on_plan(self, plan: Plan) -> None:
         """
-        Publish the path that the robot will drive next, beginning at the newest pose of the robot.
+        Publish the path that the robot will drive next.
 
-        If odometry has not given a pose yet, the path begins at the origin.
+        The path begins at the newest pose from odometry, or at the origin if there is no pose yet.
 
         :param plan: the plan of the motion that the robot drives next
         """
@@ -350,20 +353,20 @@ class PlannedPathPublisher(PathTopic):
 
     def on_motion_started(self, event: MotionStarted) -> None:
         """
-        Keep the published path as it is from now on, because the robot moves.
+        Keep the published path where it is, because the robot moves now.
 
-        If the path begins at the origin, a later pose from odometry does not move it to another
-        place.
+        If the path begins at the origin, later poses from odometry do not move it.
         """
         del event
         self._plan_from_origin = None
 
     def on_odometry(self, event: OdometryReceived) -> None:
         """
-        Store the robot's pose; if the published path begins at the origin, move it to this pose.
+        Store the pose from odometry; if the planned path begins at the origin, publish it again.
 
-        The planned path begins at the origin if no pose was known when it was published.  It is
-        published again, unless the robot has already begun to move.
+        The path begins at the origin if no pose was known when it was published.  The new path
+        begins at the pose from odometry.  If the robot has already begun to move, no new path is
+        published.
 
         :param event: an event with the pose from odometry
         """
@@ -377,7 +380,7 @@ class PlannedPathPublisher(PathTopic):
 
 
 class DrivenPathPublisher(PathTopic):
-    """Publishes the path that the robot has driven, from odometry, if there are subscribers."""
+    """While there are subscribers, publishes the path that the robot has driven, from odometry."""
 
     def __init__(self, thread: PublisherThread) -> None:
         super().__init__(thread, DRIVEN_PATH, QoSProfile(depth=1))

@@ -14,8 +14,9 @@
 """
 Run the callbacks of nodes, and call a function before a ROS context is shut down.
 
-A bridge connects a robot with ROS.  It has two executors: one for velocities, which needs less CPU
-time than an executor of rclpy, and one for all other callbacks.
+A bridge, a program that connects a robot with ROS, uses two executors of this module.  A
+SubscriptionExecutor receives the velocities, with less CPU time than an executor of rclpy.  A
+NodeExecutor runs all other callbacks.
 """
 
 from __future__ import annotations
@@ -43,10 +44,12 @@ class BackgroundExecutor:
     """
     Runs the callbacks of a node in a background thread, unless another executor runs them.
 
-    The constructor starts the thread, because it may be too late to start it later: since Python
-    3.12, no thread can start after the main thread has ended, although another thread may still
-    drive a robot then.  ``ensure_spinning`` adds the node.  Call ``stop`` before the program ends,
-    because a thread that still runs callbacks makes the Python interpreter abort.
+    The constructor starts the thread, and ``ensure_spinning`` adds the node.  The thread starts so
+    early for this reason: since Python 3.12, no thread can start after the main thread has ended,
+    but another thread can still be driving the robot then.
+
+    Call ``stop`` before the program ends.  The Python interpreter aborts if a thread still runs
+    callbacks at that time.
 
     :param node: the node whose callbacks are run
     :param on_error: called in the background thread with an exception that a callback has raised
@@ -63,7 +66,8 @@ class BackgroundExecutor:
         """
         Make this executor run the callbacks of its node, unless another executor runs them.
 
-        :param take_over: whether to remove the node from another executor that runs its callbacks
+        :param take_over: True to run them even if another executor runs them; the node is then
+            removed from the other executor
         """
         if take_over or not self._has_executor():
             self._executor.add_node(self._node)
@@ -104,9 +108,9 @@ def spin_until_stopped(
     """
     Run callbacks; if one raises an error, report the error and continue.
 
-    :param spin: runs callbacks until it is stopped, or until the ROS context is shut down.  It is
-        called again each time it raises an error.  This function returns when ``spin`` returns
-        without an error, or the context is shut down
+    Return when ``spin`` returns without an error, or when the ROS context is shut down.
+
+    :param spin: runs callbacks, like ``spin`` of an rclpy executor; called again after each error
     :param on_error: called with each exception that a callback has raised
     """
     while (error := _error_of(spin)) is not None:

@@ -44,14 +44,14 @@ class ForeignMessages:
     send.  If no other program has a publisher, there is no subscription, so no CPU time is used.
 
     :param node: the node of this program that publishes velocities
-    :param publisher: the publisher of velocities of this node
+    :param publisher: the velocity publisher of this node
     :param other_publishers: returns the names of the nodes of other programs that have a publisher
         on the velocity topic
-    :param is_latched: returns whether the guardian, a separate process that stops the robot if
-        this program cannot, has stopped the robot.  After this, zero velocities come from the
-        guardian and are ignored
-    :param on_message: called in the executor's thread for each velocity from another program, with
-        a text that describes the other program; not called while ``detect`` waits
+    :param is_latched: returns whether the guardian has stopped the robot.  The guardian is a
+        separate process that stops the robot if this program cannot.  After such a stop, zero
+        velocities are ignored, because they come from the guardian
+    :param on_message: called in the executor's thread for each velocity from another program,
+        except while ``detect`` waits; gets a text that describes the other program
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class ForeignMessages:
         The time is FOREIGN_CHECK_TIME.  If no other program has a velocity publisher, do not wait.
 
         :param check: called repeatedly while waiting; it may raise an exception to end the wait
-        :returns: whether such a velocity has arrived, in this time or shortly before
+        :returns: whether such a velocity has arrived during the wait, or up to 1 s before it
         """
         if not self.update():
             return False
@@ -116,7 +116,7 @@ class ForeignMessages:
 
     def require_none(self, check: Callable[[], None]) -> None:
         """
-        Check that no other program sends velocities to the robot, before this program drives it.
+        Check before a drive that no other program sends velocities to the robot.
 
         :param check: called repeatedly while waiting; it may raise an exception to end the wait
         :raises RobotTakenError: if another program sends velocities to the robot

@@ -92,7 +92,7 @@ class GuardedRobot:
     This object has the publishers that send zero velocities to the robot, and a watchdog, which
     decides when the robot must be stopped.
 
-    :param slot: the part of the memory shared with the driving program that belongs to this robot
+    :param slot: the part of the shared memory for this robot; the driving program uses it as well
     :param topic: the velocity topic of the robot, after remapping
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     :param message_type: the type of the velocity messages, ``Twist`` or ``TwistStamped``
@@ -192,19 +192,18 @@ class GuardedRobot:
 
 class GuardianNodes:
     """
-    Creates ROS nodes for the guardian until its publishers have discovered all robots.
+    Creates another ROS node for the guardian if a robot was not discovered in time.
 
     The guardian is a separate program that stops robots if the program that drives them cannot.
-    The guardian begins with one node for all robots.  A robot is matched when a publisher of the
-    guardian has discovered the robot's subscription.  If a robot is not matched within a timeout,
-    another node is created, with a publisher for this robot.  A node whose publishers no robot
-    needs is ended.  If a robot is not matched after all attempts, the newest publisher for this
-    robot remains.
+    It begins with one node, which has a publisher for each robot.  A robot is discovered when a
+    publisher finds the robot's subscription.  If this takes longer than a timeout, a new node is
+    created, with another publisher for this robot.  After the last attempt, only the newest
+    publisher for this robot is kept.  A node is destroyed if its publishers are not needed.
 
-    The reason for more than one node: Fast DDS announces a participant before it listens.  A robot
-    on the same machine answers each new participant once.  If the answer comes too early, it is
-    lost.  Then the robot is discovered at its next announcement, up to 3 s later.  This happened
-    to every second to fourth participant (measured).
+    The reason for several nodes: Fast DDS announces a participant before it listens.  A robot on
+    the same machine answers each new participant once.  If the answer comes too early, it is lost,
+    and the robot is discovered at its next announcement, up to 3 s later.  This happened to every
+    second to fourth participant (measured).
 
     :param create: creates a node
     """
@@ -235,8 +234,8 @@ class GuardianNodes:
         """
         Create another node if a robot was not discovered in time; end nodes that no robot uses.
 
-        Do not call this method while a robot is driven: while it runs, Python may run no other
-        thread.
+        Do not call this method while a robot is driven: it can block all other threads of the
+        guardian.
 
         :param robots: all robots that the guardian watches
         """
@@ -270,10 +269,10 @@ class GuardianProgram:
     """
     The main loop of the guardian, a program that stops robots if their driving program cannot.
 
-    The guardian reads messages from the node of the driving program, and publishes zero velocities
-    when that node requests them.  While a robot is driven, the node writes heartbeats, which show
-    that it still works.  The guardian stops a robot if the heartbeats stop, or if the node ends
-    before it has sent its complete stop.
+    The guardian reads messages from the driving program, and publishes zero velocities when the
+    messages request this.  During a drive, the driving program writes heartbeats, which show that
+    it still works.  The guardian stops a robot if the next heartbeat does not come in time, or if
+    the driving program ends before it has sent all zero velocities of its own stop.
 
     :param memory: the memory that is shared with the driving program, with the heartbeats
     :param nodes: creates the ROS nodes with which the guardian publishes
@@ -292,7 +291,7 @@ class GuardianProgram:
         """
         Run the guardian until the program that drives the robots ends, or a signal arrives.
 
-        Then stop each robot for which the driving program has not sent a complete stop.
+        Then stop each robot that was driven, unless the driving program has stopped it completely.
 
         :param messages: the file descriptor of the pipe from which the messages of the driving
             program are read
@@ -381,8 +380,8 @@ class GuardianProgram:
         First send one zero velocity to each robot.  Then start a thread for each robot that sends
         the rest of the stop, a series of zero velocities.
 
-        :param reasons: the reason to stop each robot, by the number of the robot's slot, its part
-            of the shared memory
+        :param reasons: why each robot is stopped; the keys are the numbers of the robots in the
+            shared memory
         """
         for number in reasons:
             with contextlib.suppress(Exception):  # the other robots must be stopped all the same
@@ -414,10 +413,10 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     Run the guardian, a program that stops robots if the program that drives them cannot.
 
-    :param args: the command line arguments: the number of the ROS domain, and three file
-        descriptors.  These are a pipe with the messages of the driving program, a socket with
-        descriptions of the robots, and the memory shared with the driving program.  None to use
-        ``sys.argv``
+    :param args: the command line arguments; None to use ``sys.argv``.  They are the number of the
+        ROS domain, and three file descriptors: of a pipe with the messages of the driving program,
+        of a socket with descriptions of the robots, and of the memory shared with the driving
+        program
     :returns: the exit code
     """
     parser = argparse.ArgumentParser()

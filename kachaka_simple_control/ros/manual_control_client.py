@@ -65,7 +65,9 @@ class ManualControlResponse:
 
 class ManualControlClient:
     """
-    Switches manual control, the mode in which a robot accepts velocities, on and off.
+    Switches manual control of a robot on and off.
+
+    Manual control is the mode in which the robot accepts velocities.
 
     :param node: the node that calls the service
     :param service: the name of the service; None for a robot that needs no manual control
@@ -103,10 +105,10 @@ class ManualControlClient:
         """
         Switch on manual control, the mode in which a robot accepts velocities.
 
-        Wait for the response of the robot.  If no response comes, repeat the request, with longer
-        and longer pauses.  The first response to any of these requests decides.
+        Wait for the response of the robot.  If no response comes, repeat the request, each time
+        after a longer pause.  The first response counts, even if it answers an earlier request.
 
-        :param timeout: how long to wait [s]
+        :param timeout: how long to wait in total [s]
         :raises RobotNotFoundError: if no response comes in time, or the robot refuses
         """
         end = time.monotonic() + timeout

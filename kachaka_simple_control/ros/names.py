@@ -43,8 +43,8 @@ class RobotNames:
 
     :param velocity: the topic on which the robot receives velocities
     :param odometry: the topic of the robot's odometry; None if the robot has no odometry
-    :param manual_control: the service that switches manual control, the mode in which the robot
-        accepts velocities, on and off; None if this service is not used
+    :param manual_control: the service that switches manual control on and off; None if this
+        service is not used.  Manual control is the mode in which the robot accepts velocities
     """
 
     velocity: str

@@ -94,7 +94,7 @@ def parameter_arguments(arguments: Sequence[str]) -> dict[str, str]:
     Return the parameters of this node that the command line sets with ``-p NAME:=VALUE``.
 
     :param arguments: the ROS arguments of the command line, from ``--ros-args`` on
-    :returns: the value of each parameter, as the text that the user wrote, by parameter name
+    :returns: the values, as texts that the user wrote; the keys are the parameter names
     :raises UsageError: if the node has no parameter of this name; ROS itself would ignore such a
         parameter
     """
@@ -119,15 +119,14 @@ def _assignments(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 def require_parameters_only(option: str, arguments: Sequence[str]) -> None:
     """
-    Refuse all ROS arguments except ``-p NAME:=VALUE``, together with an option that shows a plan.
+    Refuse ROS arguments that have no effect when the program only shows a plan.
 
-    Such an option only shows the plan of a motion and does not start ROS.  So other ROS arguments
-    would have no effect.
+    The program does not start ROS then.  So only ``-p NAME:=VALUE`` is allowed, and
+    ``speed_factor`` is not allowed, because a plan is always shown at full speed.
 
-    :param option: the name of the option, for the error message
+    :param option: the option that makes the program show a plan, for the error message
     :param arguments: the ROS arguments of the command line, from ``--ros-args`` on
-    :raises UsageError: if there is another argument, or if ``speed_factor`` is set: a plan is
-        always shown at full speed
+    :raises UsageError: if an argument is not allowed
     """
     if 'speed_factor' in dict(_assignments(arguments)):
         raise UsageError(f'{option} shows a plan at full speed: leave out speed_factor')

@@ -44,7 +44,7 @@ def declare_parameters(
     and the range of ``rate``.
 
     :param node: the node that gets the parameters
-    :param defaults: default values that replace the usual defaults, by parameter name
+    :param defaults: values that replace the usual defaults; the keys are the parameter names
     :returns: the profile of the robot, and the values of the parameters
     :raises UsageError: if a value has the wrong type or is out of range, or the kind of robot is
         unknown
@@ -105,7 +105,7 @@ def session_started(
     :param profile: the description of the kind of robot
     :param names: the names of the robot's topics and services, before remapping
     :param parameters: the values of the node's ROS parameters
-    :param about: more fields of the event, by name
+    :param about: more fields of the event; the keys are the names of the fields
     """
     return SessionStarted(
         title=title,

@@ -62,21 +62,19 @@ TAKEN = {
 
 class RobotClaim:
     """
-    The claim of one program on one robot: no second program may then drive this robot.
+    Claims a robot for one program, so that no other program drives it.
 
-    The claim is valid on this machine and between machines.  On one machine the kernel decides
-    which program gets the claim.  Between machines, each program publishes its claim on a topic
-    that belongs to the robot.  Discovery takes time, so two programs on different machines may
-    hold the claim for a moment.  Each of them reports the conflict as soon as it receives the
-    claim of the other program.
+    On one machine, the kernel decides which program gets the claim.  Between machines, each
+    program publishes its claim on a topic that belongs to the robot.  Discovery takes time, so for
+    a moment two programs on different machines can have the claim.  Each of them reports the
+    conflict as soon as it receives the claim of the other program.
 
     :param node: the node that claims the robot; its executor serves the topic of the claims
     :param topic: the velocity topic of the robot, after remapping
     :param role: ``driver`` to be the only program that drives the robot, or ``bridge`` to be the
         only program that connects the robot with ROS
-    :param on_conflict: called if another program holds the claim at the same time, with a text
-        that describes the other program; called in the executor's thread, for each message of the
-        other program
+    :param on_conflict: called in the executor's thread with a text that describes another program,
+        for each message which shows that this other program has the claim as well
     """
 
     def __init__(
@@ -102,11 +100,12 @@ class RobotClaim:
 
     def take(self, check: Callable[[], None]) -> None:
         """
-        Take the claim on the robot on this machine, and request the claim on other machines.
+        Claim the robot on this machine, and request the claim from programs on other machines.
 
-        The claim means that no other program may drive the robot.  If this object already has the
-        claim, only check that no other program has it as well.  After this method, call ``hold``
-        to keep the claim, or ``withdraw`` to cancel the request.
+        The program that has the claim is the only one that drives the robot.  This method waits
+        until it is clear whether this program gets the claim.  Then call ``hold`` to keep the
+        claim, or ``withdraw`` to cancel the request.  If this object has the claim already, this
+        method only checks that no other program has it.
 
         :param check: called repeatedly while waiting; it may raise an exception to end the wait
         :raises RobotTakenError: if another program, or another node of this program, has the
@@ -134,8 +133,8 @@ class RobotClaim:
         """
         Tell programs on other machines that this program no longer wants the claim on the robot.
 
-        Do nothing if this program has already told them that it has the claim.  The claim on this
-        machine is kept in both cases.
+        After ``hold``, this method does nothing.  It never gives up the claim on this machine;
+        ``release`` does this.
         """
         if self._network is not None:
             self._network.withdraw()
@@ -254,9 +253,9 @@ class _NetworkClaim:
         """
         Tell other programs that this program no longer has the claim on the robot.
 
-        If this program has found that another program had the claim at the same time, first wait
-        until 3 s after that (CLAIM_CONFLICT_TIME), so that the other program also finds the
-        conflict.
+        If two programs had the claim at the same time, the other program must also have time to
+        find this out.  So first wait until CLAIM_CONFLICT_TIME (3 s) has passed since this program
+        found the conflict.
         """
         if self._conflict_found is not None:
             time.sleep(max(0.0, self._conflict_found + CLAIM_CONFLICT_TIME - time.monotonic()))

@@ -89,8 +89,8 @@ class RobotConnection:
         Get control of the robot, unless this program has it already.
 
         For this, connect with the robot, and switch on manual control, the mode in which the robot
-        accepts velocities.  If this program already has control, only renew manual control, and
-        only if it was last requested 20 s ago or earlier.
+        accepts velocities.  If this program already has control, do nothing, with one exception:
+        request manual control again if the last request was at least 20 s ago.
 
         :param check: called repeatedly while waiting; it may raise an exception to end the wait
         :raises ControlError: if this program cannot get control of the robot
@@ -150,9 +150,9 @@ class RobotConnection:
         """
         Check with odometry that the robot is at rest before this program drives it.
 
-        If the robot moves now, another program drives it, or somebody pushes it.  The publisher of
-        another program may be discovered some seconds later than the robot, so it may still be
-        unknown.  If no odometry arrives, nothing is checked.
+        If the robot moves now, another program drives it, or somebody pushes it.  The ROS graph is
+        not sufficient for this check, because the other program can be discovered some seconds
+        later than the robot.  If no odometry arrives, nothing is checked.
 
         :param check: called repeatedly while waiting; it may raise an exception to end the wait
         :raises RobotTakenError: if odometry shows motion for REST_TIMEOUT (1 s)
@@ -184,12 +184,12 @@ class RobotConnection:
         """
         Send zero velocities for some time before the first motion.
 
-        The reason: the robot discovers our publisher later than our publisher discovers the robot,
-        and the first messages may be lost.  So they must not be part of the motion.  The ROS
-        parameter ``prime_time`` sets the length of this time.  The guardian, a separate process
-        that stops the robot if this program cannot, also sends zero velocities.
+        The reason: the robot discovers our publisher later than our publisher discovers the robot.
+        Messages that are sent before this can be lost, so they must not be part of the motion.
+        The ROS parameter ``prime_time`` says how long the zero velocities are sent.  The guardian,
+        a separate process that stops the robot if this program cannot, also sends them.
 
-        :param check: called repeatedly in this time; it may raise an exception to end it
+        :param check: called repeatedly; it may raise an exception to end this method
         :raises RunFaultError: if the guardian does not send its zero velocities
         """
         end, count = time.monotonic() + self.parameters.prime_time, self.guardian.prime_count
@@ -250,7 +250,7 @@ def start_guardian(
 def wait_for_rest(
         feedback: PoseFeedback, odometry: StandstillDetector, name: str, check: Check) -> None:
     """
-    Wait until odometry shows the robot at rest, before a motion with a closed loop begins.
+    Wait before a motion with a closed loop until odometry shows the robot at rest.
 
     A closed loop corrects the velocities with the poses from odometry.
 
@@ -258,8 +258,8 @@ def wait_for_rest(
     :param odometry: detects from odometry whether the robot moves
     :param name: how error messages call the odometry
     :param check: called repeatedly while waiting; it may raise an exception to end the wait
-    :raises MotionRefusedError: if after FEEDBACK_START_TIMEOUT (3 s) odometry still shows motion,
-        its time stamps do not change, or no odometry has arrived
+    :raises MotionRefusedError: if FEEDBACK_START_TIMEOUT (3 s) has passed, and odometry still
+        shows motion, has time stamps that do not change, or has not arrived
     """
     def is_at_rest() -> bool:
         check()

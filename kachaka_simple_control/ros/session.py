@@ -71,8 +71,8 @@ class Session:
     time.  Any thread may call ``stop``, ``stop_permanently`` and ``close``.
 
     :param node: the node that publishes the velocities
-    :param publisher: the publisher of velocities of this node; only the velocity gate, which
-        checks each velocity, sends with it
+    :param publisher: the velocity publisher of this node; only the velocity gate, which checks
+        each velocity, sends with it
     :param profile: the description of the kind of robot
     :param names: the names of the robot's topics and services, before remapping
     :param parameters: the values of the node's ROS parameters
@@ -155,9 +155,9 @@ class Session:
 
     def request(self, elsewhere: bool = False) -> DriveRequest:
         """
-        Request a drive, so that from now on a stop ends this drive, even if it has not begun yet.
+        Request a drive; from now on a stop ends this drive, even before it has begun.
 
-        :param elsewhere: whether another thread than the calling thread will drive
+        :param elsewhere: True if another thread will call ``drive``, not the calling thread
         :returns: the request, which is passed to ``drive``
         :raises ControlError: if another drive is under way, if no motion may start any more, or if
             the calling thread runs a callback of the node and so cannot drive
@@ -245,10 +245,11 @@ class Session:
         """
         Stop the robot after an error in a drive, and return the error that the drive has to raise.
 
+        The guardian is a separate process that stops the robot if this program cannot.
+
         :param error: the error that has ended the drive
-        :returns: normally the same error.  But if the guardian, a separate process that stops the
-            robot if this program cannot, has stopped the robot, a RunFaultError with the reason of
-            the guardian
+        :returns: a RunFaultError with the reason of the guardian, if the guardian has stopped the
+            robot; otherwise ``error``
         """
         self._connection.is_taken = False
         # A failure of this stop is not logged, because the error of the drive is raised.
@@ -268,7 +269,7 @@ class Session:
         """
         Stop the robot, and wait until the stop is complete.
 
-        A drive that is under way or was requested in another thread ends with an error.  No
+        A drive that is under way ends with an error, even if the robot does not move yet.  No
         message is sent if this node does not have control of the robot yet, or if the robot is
         stopped already.
 
@@ -311,7 +312,9 @@ class Session:
 
     def _log_once(self, failure: str) -> None:
         """
-        Log that a stop has failed, unless this was reported before; any thread may call this.
+        Log that a stop has failed, unless this failure was reported before.
+
+        Any thread may call this method.
 
         :param failure: the text for the log
         """
@@ -408,11 +411,11 @@ class Session:
     @property
     def guardian_memory(self) -> tuple[int, int] | None:
         """
-        Return where to find the data that this program shares with the guardian for this robot.
+        Return the file descriptor of the guardian's shared memory, and the robot's number in it.
 
-        The guardian is a separate process that stops the robot if this program cannot.  The two
-        values are the file descriptor of the shared memory, and the number of the part of this
-        memory that belongs to the robot.  Return None if there is no guardian.
+        The guardian is a separate process that stops the robot if this program cannot.  This
+        program shares the memory with it.  The number says which part of the memory belongs to the
+        robot.  Return None if there is no guardian.
         """
         return self._guardian.shared_memory
 
@@ -434,7 +437,7 @@ class Session:
     @property
     def stop_confirmed_after(self) -> float | None:
         """
-        Return how long after the start of the last stop odometry showed the robot at rest [s].
+        Return the time from the start of the last stop until odometry showed rest [s].
 
         Return None before the first stop, or if odometry does not show the robot at rest.
         """
@@ -460,8 +463,8 @@ class Session:
         """
         Return whether a stop has to send more zero velocities.
 
-        This is so if odometry shows that the robot moves, or if odometry no longer arrives.  It is
-        not so if another program now sends velocities to the robot.
+        Return True if odometry shows that the robot moves, or if odometry no longer arrives.  But
+        if another program now sends velocities to the robot, always return False.
         """
         now = time.monotonic()
         # After a link failure, the kernel keeps messages for 3 s, including velocities.  They must
@@ -530,8 +533,8 @@ class Session:
         """
         End the drive that is under way, and send one zero velocity at once.
 
-        The thread that drives then raises the reason, and sends the other zero velocities of the
-        stop.  Do nothing if no drive is under way.
+        After that, the thread that drives raises the error, and sends the other zero velocities of
+        the stop.  Do nothing if no drive is under way.
 
         :param reason: the error that says why the drive ends
         """

@@ -151,7 +151,7 @@ def _explanation(text: str) -> str:
     """
     Turn the text of an rclpy error into one line, with advice for the user.
 
-    Places in the source code of ROS are removed from the text.
+    File names and line numbers of the source code of ROS are removed from the text.
 
     :param text: the text of the error
     """

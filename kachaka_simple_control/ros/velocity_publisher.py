@@ -44,8 +44,8 @@ class VelocityPublisher:
 
     The reason: no velocity may be sent without a check.  Only two callers send messages, with the
     method ``transmit``: the velocity gate, which checks each velocity, and the guardian, a
-    separate process that sends only zero velocities.  Attributes that this class does not have,
-    such as ``topic_name``, are those of the wrapped rclpy publisher.
+    separate process that sends only zero velocities.  Other attributes, such as ``topic_name``,
+    come from the rclpy publisher that this object contains.
 
     :param node: the node that gets the publisher
     :param topic: the topic on which velocities are published
@@ -64,8 +64,8 @@ class VelocityPublisher:
         """
         Publish a velocity without a check.
 
-        Only the velocity gate, which has checked the velocity, and the guardian, a separate
-        process that sends only zero velocities, may call this method.
+        Only two callers may call this method: the velocity gate, which has checked the velocity,
+        and the guardian, a separate process that sends only zero velocities.
         """
         data = self._messages.serialized(velocity)
         self.sent.record(time.monotonic(), data)
