@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Motions and plans, as immutable values and functions without side effects.
+Immutable classes for motions and plans, and functions without side effects.
 
 A motion is a sequence of steps, such as a straight line or a turn.  A plan is the sequence of
 velocities that drive a motion, each with its start time and end time.  The modules in this folder

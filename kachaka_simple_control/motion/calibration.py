@@ -111,11 +111,10 @@ class Calibration:
 
     def reduce(self, limits: Limits) -> Limits:
         """
-        Return limits for a plan that are lower than the limits of the robot.
+        Return the limits to plan with, which are lower than the limits of the robot.
 
         The calibration changes each planned velocity before it is sent.  If a plan keeps the
-        returned limits, the planned velocities and the sent velocities both keep the limits of the
-        robot.
+        returned limits, both the planned and the sent velocities keep the limits of the robot.
 
         :param limits: the limits of the robot for velocities, accelerations and jerks
         :raises InvalidMotionError: if an angular limit is so low that the correction of the veer,
@@ -153,21 +152,21 @@ class Calibration:
 def _remaining(
         limits: Limits, name: str, share: float, lost: float, cause: str, value: str) -> float:
     """
-    Return the part of a limit that is left for a plan after a correction has taken its part.
+    Return how much of a limit a plan can use if a correction needs a part of the limit.
 
-    The correction is added to the planned velocity because of a calibration value, for example
-    against an unwanted turn of the robot.
+    The correction is added to each planned velocity because of a calibration value, for example
+    because the robot turns when it should drive straight.
 
     :param limits: the limits of the robot
     :param name: the name of the limit, a field of ``Limits``
-    :param share: the fraction of the limit that the plan and the correction may use together
-    :param lost: the part that the correction takes, in the unit of the limit; its sign does not
-        matter.  It is infinite or NaN if the correction depends on a velocity, acceleration or
-        jerk without a limit.  Then nothing is subtracted
+    :param share: the fraction of the limit that the plan and the correction can use together
+    :param lost: how much of the limit the correction needs, in the unit of the limit; its sign is
+        ignored.  An infinite or NaN value counts as 0: the correction then depends on a velocity,
+        acceleration or jerk that has no limit
     :param cause: the name of the calibration value, for the error message
     :param value: the calibration value as text, for the error message
     :returns: ``share`` times the limit, minus ``lost``
-    :raises InvalidMotionError: if this result is not above zero
+    :raises InvalidMotionError: if the result is not above zero
     """
     # Without a limit, the velocity of the other axis jumps, and so does the correction on this
     # axis.  No limit can prevent this jump.
@@ -189,7 +188,8 @@ class _Matrix(NamedTuple):
     A matrix with the elements ``linear``, ``across``, ``turn`` and ``spin``.
 
     It converts a linear velocity v and an angular velocity w to another planar velocity.  The new
-    linear velocity is linear v + across w.  The new angular velocity is turn v + spin w.
+    linear velocity is ``linear * v + across * w``.  The new angular velocity is
+    ``turn * v + spin * w``.
     """
 
     linear: float
@@ -261,8 +261,8 @@ class OdometryCalibration:
         """
         Return the true pose on the floor after a movement that odometry reports.
 
-        The robot cannot drive sideways.  So a sideways part of the reported movement is noise.
-        This part is only multiplied by ``scale``, which is true distance divided by reported
+        A sideways part of the reported movement is noise, because the robot cannot drive sideways.
+        This part is kept and multiplied by ``scale``, the true distance divided by the reported
         distance.
 
         :param pose: the true pose on the floor before the movement
@@ -292,13 +292,12 @@ class OdometryCalibration:
 
     def reduce(self, limits: Limits) -> Limits:
         """
-        Return limits for velocities on the floor that are lower than the given limits.
+        Return the limits for true velocities on the floor, which are lower than the given limits.
 
-        If a velocity on the floor keeps the returned limits, this velocity and the velocity that
-        odometry then reports both keep the given limits.  The same is true of accelerations and
-        jerks.
+        A true velocity that keeps the returned limits also keeps the given limits, and so does
+        the velocity that odometry reports for it.  The same is true of accelerations and jerks.
 
-        :param limits: the limits of the velocities that odometry reports
+        :param limits: the limits that the true and the reported velocities must keep
         :raises InvalidMotionError: if a limit is so low that the correction of unequal wheels
             needs all of it
         """

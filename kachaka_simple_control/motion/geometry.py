@@ -117,12 +117,12 @@ def integrate(pose: Pose, velocity: Velocity, duration: float) -> Pose:
 
 def compose(frame: Pose, pose: Pose) -> Pose:
     """
-    Convert a pose from a frame to the parent frame of this frame.
+    Convert a pose from a child frame to its parent frame.
 
     In SE(2), the result is the product frame * pose.
 
-    :param frame: the pose of the frame in its parent frame
-    :param pose: the pose to convert, relative to ``frame``
+    :param frame: the pose of the child frame in the parent frame
+    :param pose: the pose to convert, in the child frame
     :returns: the same pose in the parent frame
     """
     cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
@@ -242,11 +242,11 @@ def outline(footprint: Footprint, pose: Pose) -> list[Point]:
 
 def transform_point(point: Point, pose: Pose) -> Point:
     """
-    Convert a point that is relative to a pose to the frame in which the pose is given.
+    Return the position of a point that is given relative to a pose.
 
-    :param point: the distance ahead of the pose and the distance to the left of the pose [m]
+    :param point: how far the point is ahead of the pose, and how far to the left of it [m]
     :param pose: the pose
-    :returns: x and y of the point in the frame in which the pose is given [m]
+    :returns: x and y of the point [m], in the frame in which the pose is given
     """
     transformed = compose(pose, Pose(*point))
     return transformed.x, transformed.y

@@ -32,9 +32,9 @@ class Limits:
     """
     The largest velocities, accelerations and jerks of a robot; each is positive or infinite.
 
-    Each limit is valid in both directions of motion.  Only the linear velocity may have a
-    different limit backwards.  A deceleration changes a positive or a negative velocity towards
-    zero.
+    The limits are the same in both directions, except that ``max_backward_velocity`` can differ
+    from ``max_linear_velocity``.  A deceleration brings a positive or a negative velocity closer
+    to zero.
 
     :param max_linear_velocity: largest forward velocity [m/s]
     :param max_angular_velocity: largest turning velocity [rad/s]
@@ -125,9 +125,11 @@ class Limits:
 
     def excesses(self, velocity: Velocity) -> Iterator[LimitError]:
         """
-        Yield an error for each part of a velocity that is not finite or is beyond its limit.
+        Yield at most two errors of a velocity: one for its linear and one for its angular part.
 
-        :param velocity: the velocity, with a linear part and an angular part
+        A part has an error if it is not finite or is beyond its limit.
+
+        :param velocity: the velocity to check
         """
         turning = self.max_angular_velocity
         for name, unit, lowest, highest in (

@@ -96,7 +96,7 @@ class Plan:
 
     :param segments: the time intervals with one velocity each, in order; they start at 0 s and
         have no gaps
-    :param period: the time after which the velocity of a time interval is sent again [s]
+    :param period: the time after which a velocity is sent again if its time interval is longer [s]
     :param steps: the steps of the motion with their planned times, in order.  Each repetition of a
         step is listed on its own
     """
@@ -202,7 +202,7 @@ class _Item:
     One step of a motion, with its place in the motion and its trajectories.
 
     A trajectory is a part of the step's path with its timing.  A step that the robot cannot drive
-    may have no trajectories.
+    can have no trajectories.
     """
 
     path: str
@@ -212,10 +212,9 @@ class _Item:
 
 class _Block(NamedTuple):
     """
-    A list of steps that is driven several times, with the trajectories of each step.
+    A block: a list of steps that is driven several times.
 
-    A trajectory is a part of a step's path with its timing.  A part of the list can be another
-    block of steps.
+    Each item of the list is one step with its trajectories, or another block.
     """
 
     times: int
@@ -353,9 +352,11 @@ class DriveOrder:
 
     :param motion: the motion; for a closed loop, its last step is a settle step, in which the
         robot stands still and its heading is corrected
-    :param limits: the limits with which the plan is computed
+    :param limits: the limits with which the plan is computed.  They can be set for this motion,
+        so they can be higher than those of the robot
     :param rate: the rate at which velocities are sent [Hz]
-    :param allowed: the limits that no velocity of the plan may exceed
+    :param allowed: the limits of the robot; for a closed loop, only the part of them that a plan
+        may use.  A plan with a velocity beyond them is refused
     :param corrected: for a closed loop, the limits of the corrected velocities; None if the
         velocities are sent as planned
     """
@@ -370,11 +371,11 @@ class DriveOrder:
     def of(cls, motion: Motion, robot: Limits, rate: float, limits: Limits | None = None,
            is_closed_loop: bool = False) -> DriveOrder:
         """
-        Return a ``DriveOrder``: a motion with the limits and the rate from which it is planned.
+        Return the ``DriveOrder`` for a motion.
 
-        If a closed loop corrects velocities with odometry, the plan may use only a part of the
-        limits, so that corrections can use the rest.  A settle step is then added at the end of
-        the motion: the robot stands still while its heading is corrected.
+        A closed loop corrects velocities with odometry.  For a closed loop, the plan uses only a
+        part of the limits, and the corrections can use the rest.  The motion then ends with a
+        settle step, in which the robot stands still while its heading is corrected.
 
         :param motion: the motion
         :param robot: the limits of the robot

@@ -91,7 +91,7 @@ class FileField(NamedTuple):
 
 def in_file(kind: FieldKind, description: str, *examples: Any) -> dict[str, FileField]:
     """
-    Return the metadata for a dataclass field of a step that is written in motion files.
+    Return the dataclass metadata that says how a field of a step is written in a motion file.
 
     :param kind: the type of the value
     :param description: the meaning of the field, for the JSON Schema; editors show it
@@ -108,20 +108,21 @@ class Step(ABC):
     """
     One part of a motion, such as a turn: the base class of all kinds of steps.
 
-    Each kind of step is a subclass and a frozen dataclass.  It must define ``path()`` and
-    ``describe()``; nothing else is needed for plans, files, tables, plots and reports.  The first
-    line of the subclass's docstring explains the kind of step in the JSON Schema of motion files.
-    Each field has the metadata of ``in_file()``.  An optional field is None by default.  The last
-    required field is the length or the duration of the step.  The robot stands still at the start
-    and at the end of each path segment, unless the subclass overrides ``trajectories()``.
+    Each kind of step is a subclass of ``Step`` and a frozen dataclass.  A subclass must define
+    ``path()`` and ``describe()``.  Plans, files, tables, plots and reports need no other method.
+    The first line of the subclass's docstring explains the step in the JSON Schema of motion
+    files.  Each field has the metadata of ``in_file()``.  An optional field is None by default.
+    The last required field is the length or the duration of the step.  The robot stands still at
+    the start and at the end of each path segment, unless the subclass overrides
+    ``trajectories()``.
 
     :cvar keyword: the name of the step in files and error messages: the class name in lower case
     :cvar form: how the step is written in a file, for error messages; '' if the value of the first
         field can be written alone, as in ``wait: 2 s``
     :cvar synonyms: words that users may write instead of the keyword; an error message then
         suggests the keyword
-    :cvar settles: whether the robot stands still in this step while a closed loop, which uses
-        odometry, corrects its heading
+    :cvar settles: whether the robot stands still in this step while a closed loop corrects its
+        heading with odometry
     :ivar speed: the largest velocity along the path, in the unit of the subclass's ``speed``
         field; None: as fast as the limits allow
     """
@@ -171,7 +172,7 @@ class Step(ABC):
 
     def block(self) -> tuple[int, tuple[Step, ...]] | None:
         """
-        Return how often this step repeats other steps, and the repeated steps.
+        Return how many times this step repeats other steps, and the repeated steps.
 
         Return None if this step does not repeat other steps.
         """
@@ -206,12 +207,12 @@ class Step(ABC):
         """
         Return the fastest trajectory along each segment of the step's path.
 
-        A trajectory is a path segment with its timing.  It keeps the limits and the ``speed`` of
-        the step.
+        A trajectory is a path segment with its timing.  It keeps ``limits``, and also the
+        ``speed`` of the step unless that is None.
 
         :param limits: the limits of the robot
-        :param refuse: a function to call for each field because of which the robot cannot drive
-            the step, with the name of the field and the error
+        :param refuse: a function that is called as ``refuse(name, error)`` for each field that
+            makes the step impossible for the robot; ``name`` is the name of the field
         :returns: the trajectories, in order; empty if nothing limits the velocity, or if the step
             takes too long
         """
@@ -245,9 +246,10 @@ class Step(ABC):
 
     def limit_note(self) -> str:
         """
-        Return a text for the end of an error message: why the speed limit of this step is lower.
+        Return the last words of the error message for a speed above the limit.
 
-        The text is empty if there is no special reason.
+        They say for which motion the limit is valid, as in ' backwards'.  The text is empty if
+        the message does not need them.
         """
         return ''
 
@@ -267,8 +269,8 @@ class Step(ABC):
         duration [s].
 
         :param limits: the limits of the robot
-        :param refuse: a function to call if the step takes too long, with the name of its duration
-            field and the error
+        :param refuse: a function that is called as ``refuse(name, error)`` if the step takes too
+            long; ``name`` is the name of the duration field
         :returns: the trajectories, in order; empty if the step takes too long
         """
         held: list[Trajectory] = [

@@ -97,8 +97,8 @@ class Move(Step):
         long.
 
         :param limits: the limits of the robot
-        :param refuse: a function to call for each field because of which the robot cannot drive
-            the step, with the name of the field and the error
+        :param refuse: a function that is called as ``refuse(name, error)`` for each field that
+            makes the step impossible for the robot; ``name`` is the name of the field
         """
         for error in limits.excesses(self.velocity):
             refuse(error.name or '', error)
@@ -173,12 +173,12 @@ class Arc(Step):
     """
     Drive along a part of a circle, from rest to rest.
 
-    A positive angle is driven forwards, and a negative angle backwards on the same circle.  The
-    signed length of the path is ``|radius| * angle``.  The heading changes by this length divided
-    by ``radius``, positive to the left.
+    The robot drives forwards if ``angle`` is positive, and backwards on the same circle if it is
+    negative.  The heading changes by ``angle`` if the centre of the circle is on the left, and by
+    ``-angle`` if the centre is on the right, counter-clockwise positive.
 
     :param radius: distance to the centre of the circle [m], positive if the centre is on the left,
-        negative if it is on the right; its size must be at least 1e-6 m
+        negative if it is on the right; ``|radius|`` must be at least 1e-6 m
     :param angle: the angle of the part of the circle [rad], negative backwards
     :param speed: drive no faster than this along the path [m/s], positive; None: as fast as the
         limits allow
@@ -253,8 +253,8 @@ class Wait(Step):
         long.
 
         :param limits: the limits of the robot
-        :param refuse: a function to call if the step takes too long, with the name of its duration
-            field and the error
+        :param refuse: a function that is called as ``refuse(name, error)`` if the step takes too
+            long; ``name`` is the name of the duration field
         """
         return self._held(limits, refuse)
 
@@ -286,7 +286,7 @@ class Repeat(Step):
     """
     Do some steps several times.
 
-    :param times: how often to drive the steps, from 0 to a million
+    :param times: how many times to drive the steps, from 0 to a million
     :param steps: the steps to repeat, in order; a list is converted to a tuple
     """
 

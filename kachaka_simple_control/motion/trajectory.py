@@ -47,15 +47,15 @@ TIME_BISECTIONS = 40
 
 class PathSegment(NamedTuple):
     """
-    A part of a path, with constant curvature and with a length in the unit u.
+    A part of a path; its curvature is constant.
 
-    The unit u is the metre for straight lines and arcs, the radian for a turn in place, and the
-    second for a step that holds a velocity for a time.  If u is the second, ``linear`` and
-    ``angular`` are velocities.
+    The unit u of its length is the metre for straight lines and arcs, and the radian for a turn in
+    place.  For a step that holds a velocity for a time, u is the second of the plan, so ``linear``
+    and ``angular`` are velocities.
 
-    :param distance: the length [u], not negative
-    :param linear: metres forwards for each u, negative backwards
-    :param angular: radians to the left for each u, negative to the right
+    :param distance: the length of the segment [u], not negative
+    :param linear: metres forwards for each u [m/u], negative backwards
+    :param angular: radians to the left for each u [rad/u], negative to the right
     """
 
     distance: float
@@ -79,9 +79,10 @@ class PathSegment(NamedTuple):
 
     def velocity(self, rate: float) -> Velocity:
         """
-        Return the velocity of the robot for a velocity along the path segment.
+        Convert a velocity along the path segment to the velocity of the robot.
 
-        :param rate: the velocity along the segment [u/s]; u is the unit of its length: m, rad or s
+        :param rate: the velocity along the segment [u/s], where u is the unit of the segment's
+            length: the metre, the radian or the second of the plan
         :returns: the linear and the angular velocity of the robot
         """
         return Velocity(self.linear * rate, self.angular * rate)
@@ -91,12 +92,14 @@ def limits_along(segment: PathSegment, limits: Limits) -> PathLimits:
     """
     Return the limits of velocity, acceleration, deceleration and jerk along a path segment.
 
-    Each of them is the stricter one of the linear and the angular limit of the robot.
+    Each of them is the stricter one of the linear and the angular limit of the robot, converted to
+    the unit of the segment's length.  See formulas (13) and (17) of docs/theory.md.
 
     :param segment: the segment
     :param limits: the limits of the robot
-    :returns: the limits in the unit of the segment's length, m, rad or s; see formulas (13) and
-        (17) of docs/theory.md.  They are infinite if the robot stands still during the segment
+    :returns: the limits [u/s, u/s^2 and u/s^3], where u is the unit of the segment's length: the
+        metre, the radian or the second of the plan.  All are infinite if the robot stands still
+        during the segment
     """
     forward = limits.backward_velocity if segment.linear < 0.0 else limits.max_linear_velocity
     return PathLimits(
@@ -134,18 +137,18 @@ class TimedPath(ABC):
     @abstractmethod
     def max_rate(self) -> float:
         """
-        Return the largest velocity along the path segment [m/s, rad/s or s/s].
+        Return the largest planned velocity along the path segment [u/s].
 
-        The unit depends on the unit of the segment's length: m, rad or s.
+        u is the unit of the segment's length: the metre, the radian or the second of the plan.
         """
 
     def mean_velocity(self, distance: float, duration: float) -> Velocity:
         """
         Return the constant velocity at which the robot covers a distance in a time.
 
-        The velocity along the segment is limited to the largest planned velocity.
+        It is at most the largest planned velocity in the path segment.
 
-        :param distance: the distance along the path segment [m, rad or s]
+        :param distance: the distance along the segment, in m, rad or seconds of the plan
         :param duration: the time [s]
         """
         # Rounding must not raise the rate above the limit, or make it negative.
@@ -156,9 +159,8 @@ class ConstantVelocity(TimedPath):
     """
     A path segment with one constant velocity, which is sent repeatedly at the rate of the plan.
 
-    The length of the segment is its planned duration, so a position along the segment is a time in
-    the plan [s].  The velocity along the segment [s/s] says how many seconds of the plan pass in
-    one second.  It is 1 as planned, and smaller if the motion is slowed down.
+    A position along the segment is the progress in seconds of the plan.  A velocity along the
+    segment is in plan seconds per second: 1 as planned, less than 1 if the motion is slowed down.
     """
 
     @property
@@ -188,7 +190,8 @@ class ConstantVelocity(TimedPath):
         """
         Return the planned position and velocity along the path segment at a time.
 
-        The length of this kind of segment is a duration, so the position is the time [s].
+        The position is the progress in seconds of the plan, so it is equal to the time.  The
+        velocity is 1 plan second per second.
 
         :param time: the time since the start of the segment [s]
         """
@@ -196,11 +199,9 @@ class ConstantVelocity(TimedPath):
 
     def time_at(self, position: float) -> float:
         """
-        Return the planned time at which a position along the path segment is reached [s].
+        Return the planned time at which a position is reached [s]; it is equal to the position.
 
-        The length of this kind of segment is a duration, so the time is equal to the position.
-
-        :param position: the position along the segment [s]
+        :param position: the progress in the path segment, in seconds of the plan
         """
         return position
 
@@ -208,48 +209,45 @@ class ConstantVelocity(TimedPath):
         """
         Return the position and the velocity at the start of the path segment.
 
-        The position is 0 s.  The velocity [s/s] says how many seconds of the plan pass in one
-        second: 1 as planned, less if the motion is slowed down.
+        The position is 0.  The returned velocity, in plan seconds per second, is equal to
+        ``velocity`` if ``velocity`` is not 0.  Otherwise it is equal to ``factor``, but if the
+        robot stands still in the segment, each factor above 0 counts as 1.
 
-        :param factor: the speed factor, from 0 to 1, which slows the motion down.  The returned
-            velocity is computed from it if ``velocity`` is 0
-        :param velocity: the velocity at the end of the previous path segment [s/s]; 0 if the robot
-            stood still there.  If it is not 0, it is returned unchanged
+        :param factor: the speed factor, which is the speed relative to the plan, from 0 to 1
+        :param velocity: the velocity at the end of the previous segment, in plan seconds per
+            second
         """
         return PathState(0.0, velocity or self._rate(factor))
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
         """
-        Plan the rest of the path segment again for another speed factor.
+        Plan the rest of the path segment again for a new speed factor.
 
-        The velocity along the segment [s/s] says how many seconds of the plan pass in one second.
-        This velocity changes to the speed factor as fast as the limits allow.  In a segment in
-        which the robot stands still, this velocity changes to 1 for each factor above 0.
+        The velocity along the segment, in plan seconds per second, changes to the speed factor as
+        fast as the limits allow.  If the rest of the segment is too short for this change, the
+        change is not finished at the end of the segment.  If the robot stands still in the
+        segment, each factor above 0 counts as 1.
 
         :param state: the current position, velocity and acceleration along the segment
-        :param factor: the speed factor, from 0 to 1.  0 means a stop; if the rest of the segment
-            is too short to stop, the velocity at its end is not zero
+        :param factor: the speed factor, which is the speed relative to the plan, from 0 to 1; 0
+            means a stop
         """
         return replan_through(state, self.duration, self._rate(factor), self.limits)
 
     @property
     def max_rate(self) -> float:
-        """
-        Return the largest velocity along the path segment [s/s], which is 1.
-
-        The velocity says how many seconds of the plan pass in one second.  1 is as planned.
-        """
+        """Return the largest planned velocity along the path segment: 1 plan second per second."""
         return 1.0
 
     def _rate(self, factor: float) -> float:
         """
-        Return how many seconds of the plan pass in one second under a speed factor [s/s].
+        Return the velocity along the path segment that belongs to a speed factor.
 
-        If the robot moves in the path segment, the result is equal to the factor.  If the robot
-        stands still there, the result is 1 for each factor above 0, so that a wait does not become
-        longer.
+        It is in plan seconds per second.  If the robot moves in the segment, it is equal to the
+        factor.  If the robot stands still there, it is 1 for each factor above 0, so that a wait
+        does not become longer.
 
-        :param factor: the speed factor, from 0 to 1
+        :param factor: the speed factor, which is the speed relative to the plan, from 0 to 1
         """
         return math.ceil(factor) if self.segment.is_rest else factor
 
@@ -326,13 +324,14 @@ class ProfiledPath(TimedPath):
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
         """
-        Plan the rest of the path segment again for another speed factor.
+        Plan the rest of the path segment again for a new speed factor.
 
         The robot is at rest at the end of the new plan.
 
         :param state: the current position, velocity and acceleration along the segment
-        :param factor: the speed factor, from 0 to 1.  It multiplies the largest velocity along the
-            segment, but no other limit.  0 means a stop as soon as possible
+        :param factor: the speed factor, from 0 to 1.  The largest velocity along the segment is
+            multiplied by it; the limits of acceleration and jerk stay the same.  0 means a stop as
+            soon as possible
         """
         return replan_to_rest(state, self.segment.distance, factor * self.max_rate, self.limits)
 

@@ -12,15 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The fastest velocities along a path under limits of velocity, acceleration and jerk (S-curves).
+S-curves: the fastest velocities along a path under limits of velocity, acceleration and jerk.
 
 ``time_optimal_profile()`` plans a path from rest to rest.  ``replan_to_rest()`` and
 ``replan_through()`` plan the rest of a path again while the robot moves, so that it slows down,
 stops or speeds up.
 
-The unit u is the unit of the path: metre, radian, or second for a step that holds a velocity for a
-time.  In comments, a number in round brackets, such as (2), is the number of a formula in
-docs/theory.md.
+The unit u of a path is the metre, or the radian for a turn in place.  For a step that holds a
+velocity for a time, u is the second of the plan.  In comments, a number in round brackets, such as
+(2), is the number of a formula in docs/theory.md.
 """
 
 from __future__ import annotations
@@ -47,7 +47,9 @@ class PathState(NamedTuple):
     """
     Position, velocity and acceleration along a path.
 
-    The unit u of the path is m, rad or s.  It is s for a step that holds a velocity for a time.
+    The unit u of the path is the metre, or the radian for a turn in place.  For a step that holds
+    a velocity for a time, u is the second of the plan: the position is then the progress in
+    seconds of the plan, and the velocity is in plan seconds per second.
 
     :param position: the distance from the start of the path [u]
     :param velocity: the velocity along the path [u/s], not negative
@@ -63,7 +65,8 @@ class PathLimits(NamedTuple):
     """
     The limits along a path segment; each is positive or infinite.
 
-    The unit u of the segment is m, rad or s.  It is s for a step that holds a velocity for a time.
+    The unit u of the segment is the metre, or the radian for a turn in place.  For a step that
+    holds a velocity for a time, u is the second of the plan.
 
     :param velocity: largest velocity [u/s]
     :param acceleration: largest acceleration [u/s^2]
@@ -82,7 +85,8 @@ class Ramp:
     """
     A rise of the velocity from rest to a given velocity.
 
-    The acceleration rises, may stay constant, and falls to zero.  The unit u is m or rad.
+    The acceleration rises to its largest value, stays there for a time that can be zero, and falls
+    to zero.  The unit u is m or rad.
 
     :param velocity: the velocity at the end [u/s]
     :param acceleration: the largest acceleration [u/s^2]; 0 if the duration is 0
@@ -137,7 +141,8 @@ class Ramp:
         The ramp is a rise of the velocity from rest.
 
         :param part: the duration of each part [s]; the first part starts with the ramp
-        :param count: the number of parts; except for rounding, all parts end within the ramp
+        :param count: the number of parts; together they must not be longer than the ramp, except
+            for rounding
         """
         times = [index * part for index in range(count + 1)]
         times[-1] = min(times[-1], self.duration)
@@ -385,15 +390,16 @@ class Replanned:
 def replan_to_rest(
         state: PathState, distance: float, velocity: float, limits: PathLimits) -> Replanned:
     """
-    Plan the rest of a path again: stop at the end of the path, or stop as soon as possible.
+    Plan the rest of a path again, so that the robot stops at the end of the path.
 
-    The path is never driven backwards.  See formulas (15) and (16) of docs/theory.md.
+    If ``velocity`` is 0, the robot stops as soon as possible instead.  The position along the path
+    never decreases.  See formulas (15) and (16) of docs/theory.md.
 
     :param state: the current position, velocity and acceleration; a stop before the end of the
         path must still be possible
     :param distance: the length of the whole path [u], where u is m or rad
-    :param velocity: the wanted velocity [u/s].  It is reached as soon as possible.  If the path is
-        too short for it, a lower velocity is used.  0 means a stop as soon as possible
+    :param velocity: the wanted velocity [u/s].  It is reached as soon as possible.  If the rest
+        of the path is too short for it, a lower velocity is used
     :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
         used
     """
@@ -444,8 +450,8 @@ def replan_through(
 
     :param state: the current position, velocity and acceleration
     :param distance: the length of the whole path [u], where u is m, rad or s
-    :param velocity: the velocity to reach as soon as possible [u/s].  0 means a stop; if the rest
-        of the path is too short to stop, the velocity at its end is not zero
+    :param velocity: the velocity to reach as soon as possible [u/s]; 0 means a stop.  If the rest
+        of the path is too short for the change, the change is not finished at the end of the path
     :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
         used
     """
@@ -497,11 +503,11 @@ def _velocity_at_zero_acceleration(state: PathState, limits: PathLimits) -> floa
 
 def _change_velocity(state: PathState, velocity: float, limits: PathLimits) -> Iterator[Phase]:
     """
-    Yield the phases of the fastest change to a velocity, with zero acceleration at the end.
+    Yield the phases of the fastest change to a velocity.
 
-    A phase is a time interval with a constant jerk.  See formula (15) of docs/theory.md.  If only
-    the jerk is unlimited, the acceleration jumps.  If the acceleration is unlimited too, the
-    velocity jumps.
+    A phase is a time interval with a constant jerk.  After the last phase, the acceleration is
+    zero.  See formula (15) of docs/theory.md.  If only the jerk is unlimited, the acceleration
+    jumps.  If the acceleration is unlimited too, the velocity jumps.
 
     :param state: the current position, velocity and acceleration
     :param velocity: the velocity at the end of the change
@@ -547,7 +553,7 @@ def bisection(
     :param low: the lower end of the interval
     :param high: the upper end of the interval
     :param is_above: a function that returns whether its argument is above the number to find
-    :param count: how often the interval is halved at most
+    :param count: the largest number of times that the interval is halved
     :returns: the lower end and the upper end of the last interval, which contains the number
     """
     for _ in range(count):
