@@ -51,7 +51,7 @@ CHANCE = 4.0
 
 
 class CalibrationError(RunFaultError):
-    """An error: a drive gives no valid calibration.  The text of the error gives the reason."""
+    """Raised if measurements give no valid calibration; the message says why."""
 
 
 class Estimate(NamedTuple):
@@ -70,8 +70,8 @@ class CalibrationFit:
         backward, left, right
     :param veer: the unwanted turn for each metre forwards [rad/m], positive to the left
     :param delay: the delay between a command and the movement [s]: the dead time plus the lag
-    :param position_noise: the standard deviation of odometry's position while the robot stands
-        still, along one axis [m]
+    :param position_noise: the standard deviation of odometry's position along one axis while the
+        robot stands still [m]
     :param heading_noise: the standard deviation of odometry's heading while the robot stands still
         [rad]
     """
@@ -99,11 +99,11 @@ class CalibrationFit:
 
 class Rest(NamedTuple):
     """
-    The mean pose of a robot that stands still, from odometry, and the noise of odometry.
+    The mean odometry pose of a robot that stands still, and the noise of this odometry.
 
     :param pose: the mean pose
     :param samples: the number of odometry samples in the mean
-    :param position_noise: the standard deviation of the samples' positions, along one axis [m]
+    :param position_noise: the standard deviation of the samples' positions along one axis [m]
     :param heading_noise: the standard deviation of the samples' headings [rad]
     """
 
@@ -115,7 +115,7 @@ class Rest(NamedTuple):
 
 class _Drive(NamedTuple):
     """
-    The results for one moving step of a calibration drive, from odometry.
+    The gain, the veer and the delay in one step of a motion, computed from odometry.
 
     The direction is forward, backward, left or right.  The gain is the displacement in odometry
     divided by the requested displacement.  The veer is the unwanted turn for each metre [rad/m];
@@ -130,7 +130,7 @@ class _Drive(NamedTuple):
 
 def fit_calibration(log: DriveLog) -> CalibrationFit:
     """
-    Compute a calibration from a drive of the library motion ``calibration``.
+    Compute a calibration from the log of a robot that drove the motion ``calibration``.
 
     The motion has moving steps, and a rest before and after each of them.  A rest is a step in
     which the robot stands still.
@@ -141,8 +141,8 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
 
     The delay of a moving step is computed from two curves over time: the displacement according to
     the sent velocities, and the displacement in odometry divided by the gain.  The delay is the
-    area between the two curves, divided by the requested displacement.  It is the dead time plus
-    the time constant of the lag, for a lag of any order.
+    area between the two curves, divided by the requested displacement.  If the robot follows with
+    a dead time and a lag of any order, the delay is the dead time plus all time constants.
 
     :param log: the log of the drive
     :returns: the gains, the delay and the veer (the unwanted turn for each metre), with their
@@ -198,7 +198,7 @@ def find_rest(odometry: Sequence[OdometryReceived], step: StepLog) -> Rest:
 
     A rest is a step in which the robot stands still.
 
-    :param odometry: the odometry samples of the drive, without samples with implausible values
+    :param odometry: the odometry samples of the drive that have plausible values
     :param step: the rest
     :raises CalibrationError: if there are too few odometry samples in this second, or the robot
         did not stand still
@@ -236,7 +236,7 @@ def _drive(
     the unwanted turn for each metre.  The delay is the time between a command and the movement.  A
     rest, a step in which the robot stands still, comes before and after the moving step.
 
-    :param odometry: the odometry samples of the drive, without samples with implausible values
+    :param odometry: the odometry samples of the drive that have plausible values
     :param sent: the path of a robot that follows the sent velocities exactly
     :param step: the moving step
     :param before: the mean pose and the noise of odometry in the rest before the step
@@ -272,19 +272,20 @@ class _StepExtent(NamedTuple):
     """
     The displacement of one moving step, as requested and as reported by odometry.
 
-    Displacements are distances [m] of a straight step, or angles [rad] of a turn in place.  They
-    are measured in the direction of the step: driving 1 m backwards as requested is +1 m.
+    It is a distance [m] if the step is straight, or an angle [rad] if the step is a turn in place.
+    It is positive in the requested direction: in a step backwards, 1 m backwards is +1 m.
 
     :param direction: forward, backward, left or right
     :param requested: the requested displacement
     :param reported: the displacement in odometry, from the standstill before the step to the
         standstill after the step
     :param error: the standard error of the reported displacement
-    :param veer: the unwanted turn for each metre forwards, from odometry [rad/m]; None for a turn
-    :param sent_distance: a function that takes a pose on the path of the sent velocities; it
-        returns the displacement from the start of the step to this pose
-    :param reported_distance: a function that takes a pose in odometry; it returns the displacement
-        from the start of the step to this pose
+    :param veer: the unwanted turn in odometry for each metre forwards [rad/m]; None if the step is
+        a turn in place
+    :param sent_distance: a function that returns the displacement from the start of the step to a
+        pose; the pose is that of a robot that follows the sent velocities exactly
+    :param reported_distance: a function that returns the displacement from the start of the step
+        to a pose; the pose is from odometry
     """
 
     direction: str

@@ -14,9 +14,9 @@
 """
 The log of a drive: its plans, the sent velocities and the received odometry.
 
-Clock time is the time on the steady clock.  Plan time is the time in the plan that the robot has
-reached, counted from the start of the plan.  It stops in a pause.  At a reduced speed it passes
-more slowly than clock time.
+Clock time is the time on the steady clock.  Plan time is the progress of a motion in seconds of
+its plan.  For example, in the middle of a plan of 10 s it is 5 s, even if pauses delayed the
+motion.
 """
 
 from __future__ import annotations
@@ -49,12 +49,11 @@ ROUNDING = 1e-6
 
 class PlanTimeline:
     """
-    Converts between clock time and plan time, from the sent messages of a motion.
+    Converts between clock time and plan time, by means of the sent messages of a motion.
 
-    Plan time is the time in the plan that the motion has reached.  It stops in a pause, and passes
-    more slowly than clock time at a reduced speed.  Between two messages, times are interpolated.
-    In a pause, many clock times have the same plan time.  This plan time is converted to the
-    earliest of these clock times.
+    Plan time is the progress of the motion in seconds of its plan.  It does not increase in a
+    pause, so a whole pause has one plan time.  This plan time is converted to the clock time at
+    which the pause began.  Between two messages, times are interpolated.
 
     :param began: the time t = 0 of the motion [s on the steady clock]
     :param messages: the velocity messages of the motion, in order; the last one is the zero
@@ -84,11 +83,10 @@ class PlanTimeline:
     @property
     def reached(self) -> float:
         """
-        Return the plan time that the motion has reached [s]; 0 if no message was sent.
+        Return the progress of the motion in seconds of its plan; 0 if no message was sent.
 
-        Plan time is counted from the start of the plan.  It stops in a pause, and passes more
-        slowly than the clock at a reduced speed.  If the motion was paused or slowed down, the
-        error of the result is at most one period of the messages.
+        If the motion was paused or slowed down, the error of the result is at most one period of
+        the messages.
         """
         if not self._messages:
             return 0.0
@@ -101,12 +99,9 @@ class PlanTimeline:
 
     def first(self, plan_time: float) -> int:
         """
-        Return the index of the first velocity message at or after a plan time.
+        Return the index of the first velocity message at or after a given progress.
 
-        Plan time is counted from the start of the plan.  It stops in a pause, and passes more
-        slowly than the clock at a reduced speed.
-
-        :param plan_time: the plan time [s]
+        :param plan_time: the progress in seconds of the plan
         :returns: the index; if there is no such message, the number of messages
         """
         if self.is_delayed:
@@ -116,12 +111,9 @@ class PlanTimeline:
 
     def time(self, plan_time: float) -> float:
         """
-        Return the clock time at which the motion first reaches a plan time.
+        Return the time at which the motion first reaches a given progress.
 
-        Plan time is counted from the start of the plan.  It stops in a pause, and passes more
-        slowly than the clock at a reduced speed.
-
-        :param plan_time: the plan time [s]
+        :param plan_time: the progress in seconds of the plan
         :returns: the time [s on the steady clock]; extrapolated if the last message is earlier
         """
         if not self.is_delayed:
@@ -130,13 +122,10 @@ class PlanTimeline:
 
     def plan_time(self, time: float) -> float:
         """
-        Return the plan time that the motion had reached at a clock time.
+        Return the progress of the motion at a time.
 
-        Plan time is counted from the start of the plan.  It stops in a pause, and passes more
-        slowly than the clock at a reduced speed.
-
-        :param time: the clock time [s on the steady clock]
-        :returns: the plan time [s]
+        :param time: the time [s on the steady clock]
+        :returns: the progress in seconds of the plan
         """
         if not self.is_delayed:
             return time - self._began
@@ -183,7 +172,7 @@ class StepLog:
 
     @property
     def step(self) -> Step:
-        """Return the step as it is written in the motion, for example an arc, without times."""
+        """Return the step as it is written in the motion, that is, without planned times."""
         return self.planned.step
 
     @property
@@ -206,7 +195,7 @@ class MotionLog:
     """
     The log of one motion: its definition, its sent velocity messages, and how it ended.
 
-    :param planned: the event that the motion was planned, with the motion and the limits
+    :param planned: the event ``MotionPlanned``, which contains the motion, the limits and the rate
     :param sent: all messages since the motion was planned, in order: the zero velocities before
         the motion, the velocities of the motion, and the zero velocities of the stop
     :param began: the time t = 0 of the motion [s on the steady clock]; nan before the start
@@ -251,8 +240,7 @@ class MotionLog:
         """
         Return an object that converts between clock time and plan time.
 
-        Plan time is the time in the plan that the motion has reached.  It stops in a pause, and
-        passes more slowly than clock time at a reduced speed.
+        Plan time is the progress of the motion in seconds of its plan.
         """
         return PlanTimeline(self.began, self.own_messages)
 
@@ -298,15 +286,15 @@ class DriveLog:
     """
     The log of a drive.  It is filled from events, such as a sent velocity or an odometry sample.
 
-    :param session_started: the event that the program began to use the robot; None before it
+    :param session_started: the first event of the program; None if it was not received yet
     :param motions: the logs of all planned motions, in order
     :param odometry: all received odometry samples, in order
     :param speed_changes: the changes of the speed factor, in order.  The speed factor is the speed
         relative to the plan; before the first change it is 1
-    :param session_ended: the event that the program released the robot; None before it, or if the
-        program was killed
-    :param other_messages: the velocity messages sent before the first motion was planned, or while
-        velocities were commanded without a plan
+    :param session_ended: the last event of the program; None if it was not received yet, or if
+        the program was killed
+    :param other_messages: the velocity messages sent before the first motion was planned, and
+        those of motions without a plan
     """
 
     session_started: SessionStarted | None = None

@@ -86,8 +86,8 @@ class Timing:
     :param due: the number of ticks
     :param late: the number of ticks whose message is a quarter to half a period early or late
     :param lost: the number of ticks without a message within half a period before or after
-    :param interval_errors: the time between two consecutive messages minus the planned time
-        between them [s], for each such pair
+    :param interval_errors: for each message that has a next message, the time until the next
+        message minus the time from the tick of the message to the next tick [s]
     :param lateness: median, 99th percentile and maximum of the absolute time differences between
         messages and their ticks [s]; None without messages
     :param jitter: median, 99th percentile and maximum of the absolute ``interval_errors`` [s];
@@ -154,7 +154,7 @@ def due_times(plan: Plan, until: float) -> list[float]:
 
     :param plan: the plan
     :param until: leave out times at or after this one [s after t = 0]
-    :returns: the times [s after t = 0], in order, without the zero velocity at the end
+    :returns: the times [s after t = 0], in order, without that of the zero velocity at the end
     """
     times = [segment.start + number * plan.period for segment in plan.segments
              for number in range(ticks(segment, plan.period))]

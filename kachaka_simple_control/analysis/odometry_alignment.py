@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Compute the planned path, the path of the sent velocities and the odometry path in one frame."""
+"""Compute three paths in one frame: as planned, from the sent velocities, and from odometry."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from kachaka_simple_control.motion.geometry import (
 
 class DeadReckoning:
     """
-    The path of a robot that follows the sent velocities exactly, starting at the origin.
+    The path of a robot that starts at the origin and follows the sent velocities exactly.
 
     The robot keeps each velocity until the next message, but not longer than the command timeout.
 
@@ -103,8 +103,8 @@ class MotionStart:
 
     :param motion: the log of the motion
     :param pose: the start pose, relative to the robot's pose at t = 0 of the drive.  It is the
-        planned end pose of the previous motion.  If the previous motion ended early, it is the
-        pose at the start time according to the sent velocities
+        planned end pose of the previous motion.  If that motion ended early, the start pose is
+        computed from the sent velocities instead
     :param time: the start time [s after t = 0 of the drive]; None if the motion never started
     """
 
@@ -117,13 +117,13 @@ class OdometrySample(NamedTuple):
     """
     An odometry sample whose pose is relative to the robot's pose at t = 0 of the drive.
 
-    The time t = 0 is the start of the first motion.  The expected pose is the pose at the time of
-    the sample according to the sent velocities.
+    The time t = 0 is the start of the first motion.  The expected pose is that of a robot that has
+    followed the sent velocities exactly.
 
     :param time: the time of the sample [s after t = 0 of the drive]
-    :param pose: the converted pose
+    :param pose: the pose, relative to the robot's pose at t = 0
     :param received: the sample as it was received, with the pose in the frame of odometry
-    :param distance: the distance between the converted pose and the expected pose [m]
+    :param distance: the distance between the pose and the expected pose [m]
     :param angle: the heading minus the expected heading [rad], positive to the left
     """
 
@@ -138,10 +138,10 @@ class AlignedDrive:
     """
     The plans, messages and odometry of a drive, all relative to the robot's pose at t = 0.
 
-    The time t = 0 is the start of the first motion.  The poses in odometry have another frame and
-    are transformed.  The transform follows from one odometry sample: the last one before t = 0 or,
-    if there is none, the first one.  The transformed pose of this sample is equal to the pose at
-    that time according to the sent velocities.
+    The time t = 0 is the start of the first motion.  The poses in odometry have another frame, so
+    they are transformed.  The transform is chosen so that one odometry sample gets the pose that
+    is computed from the sent velocities.  This sample is the last one before t = 0 or, if there is
+    none, the first one after t = 0.
 
     :param log: the log of the drive
     """
@@ -184,14 +184,12 @@ class AlignedDrive:
 
     def planned_times(self, start: MotionStart, plan_times: Iterable[float]) -> list[float]:
         """
-        Convert plan times of a motion to times of the drive.
+        Return the times at which a motion reaches given points of its plan.
 
-        Plan time is counted from the start of the plan.  It stops in a pause, and passes more
-        slowly than the clock at a reduced speed.  The time t = 0 of the drive is the start of its
-        first motion.
+        The time t = 0 of the drive is the start of its first motion.
 
         :param start: the start of the motion
-        :param plan_times: the plan times [s]
+        :param plan_times: the points, each as the progress in seconds of the plan
         :returns: the times [s after t = 0 of the drive]
         """
         timeline = start.motion.timeline

@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Calibrate odometry: compare it with the motion of the robot, measured on the floor with a tape.
+Calibrate odometry with measurements of the robot's movement on the floor.
 
-The robot drives a straight line of 1 m and turns in place by 360 degrees, or it drives squares in
-both directions.  The method with squares is UMBmark by Borenstein and Feng.
+There are two methods.  The robot drives a straight line of 1 m and turns in place by 360 degrees;
+or it drives squares, with turns to the left and with turns to the right.  The method with squares
+is UMBmark by Borenstein and Feng.
 """
 
 from __future__ import annotations
@@ -64,8 +65,7 @@ class FloorFit:
     The calibration of odometry from a straight line of 1 m and a turn in place of 360 degrees.
 
     :param scale: the true distance divided by the distance in odometry
-    :param track_ratio: the true track, the distance between the wheels, divided by the track that
-        odometry uses
+    :param track_ratio: the true wheel separation divided by the one that odometry uses
     """
 
     scale: Estimate
@@ -79,8 +79,8 @@ def reported_path(log: DriveLog) -> list[Pose]:
     A rest is a step in which the robot stands still.
 
     :param log: the log of the drive
-    :returns: the mean pose in the first rest, the poses of the movement at least 0.1 s apart, and
-        the mean pose in the last rest
+    :returns: one list: the mean pose in the first rest, then poses between the rests that are at
+        least 0.1 s apart, then the mean pose in the last rest
     :raises CalibrationError: if the drive was not completed at the planned speed, does not start
         and end with a rest, or odometry does not show standstill in these rests
     """
@@ -114,9 +114,9 @@ def fit_floor(reported_distance: float, measured_distance: float, reported_angle
     """
     Compute the scale and the track ratio of odometry from a straight line and a turn in place.
 
-    The scale s is the true distance divided by the distance in odometry.  The track ratio is b /
-    b_0, where b is the true distance between the wheels, and b_0 is the distance that odometry
-    uses.  The true angle is s b_0 / b times the angle in odometry.
+    The scale is the true distance divided by the distance in odometry.  The track ratio is the
+    true wheel separation divided by the one that odometry uses.  It is the scale times the angle
+    in odometry, divided by the true angle.
 
     :param reported_distance: the distance in odometry [m]
     :param measured_distance: the distance measured with the tape [m]
@@ -182,16 +182,15 @@ class Square(NamedTuple):
 @dataclass(frozen=True)
 class UmbmarkFit:
     """
-    The calibration of odometry from squares that were driven in both directions.
+    The calibration of odometry from squares with left turns and squares with right turns.
 
     :param wheel_ratio: the true diameter of the right wheel divided by that of the left wheel
-    :param track_ratio: the true track, the distance between the wheels, divided by the track that
-        odometry uses
-    :param before: the largest systematic position error, if odometry is not corrected with the two
-        ratios [m]; it is called E_max,syst in UMBmark
-    :param after: the largest systematic position error, if odometry is corrected with them [m]
-    :param closed_form: wheel ratio and track ratio from the formulas of Borenstein and Feng, for
-        comparison with the fit
+    :param track_ratio: the true wheel separation divided by the one that odometry uses
+    :param before: the largest systematic position error without a correction by the two ratios
+        [m]; UMBmark calls it E_max,syst
+    :param after: the same error with the correction [m]
+    :param closed_form: the wheel ratio and the track ratio from the formulas of Borenstein and
+        Feng, for comparison with the fit
     """
 
     wheel_ratio: Estimate
@@ -207,14 +206,14 @@ def closed_form(
     Compute the wheel ratio and the track ratio with the formulas of Borenstein and Feng (1996).
 
     The wheel ratio is the true diameter of the right wheel divided by that of the left wheel.  The
-    track ratio is the true distance between the wheels divided by the distance that odometry uses.
-    Each ratio is computed twice, with approximate formulas: from the errors of the end positions
-    along x, and from those along y.  The second-order errors of the two results have opposite
-    signs, so their mean is returned.
+    track ratio is the true wheel separation divided by the one that odometry uses.  The formulas
+    are approximate.  Each ratio is computed once from the errors of the end positions along x, and
+    once from those along y.  The second-order errors of the two results have opposite signs, so
+    their mean is returned.
 
-    :param squares: the driven squares, at least one in each direction
-    :param track: the distance between the wheels that odometry uses [m]
-    :param scale: the true distance divided by the distance in odometry, from a straight line
+    :param squares: the squares, at least one with left turns and one with right turns
+    :param track: the wheel separation that odometry uses [m]
+    :param scale: the true length of a straight line divided by its length in odometry
     :returns: the wheel ratio and the track ratio
     """
     side = scale * math.fsum(_length(square.path) for square in squares) / (4.0 * len(squares))
@@ -233,18 +232,19 @@ def closed_form(
 
 def fit_umbmark(squares: Sequence[Square], track: float, scale: float = 1.0) -> UmbmarkFit:
     """
-    Fit the wheel ratio and the track ratio to the measured ends of squares, by least squares.
+    Fit the wheel ratio and the track ratio to the measured end poses of driven squares.
 
     The wheel ratio is the true diameter of the right wheel divided by that of the left wheel.  The
-    track ratio is the true distance between the wheels divided by the distance that odometry uses.
+    track ratio is the true wheel separation divided by the one that odometry uses.
 
-    The residuals are the errors of position and heading at the ends of the squares.  The model is
-    exact: it corrects each increment of odometry from the start to the end of a square.  The scale
-    cannot be found from squares, because a square of any size ends where it started.
+    This is a least-squares fit.  The residuals are the errors of position and heading at the ends
+    of the driven squares.  The model has no approximation: it corrects each movement between two
+    odometry poses.  The scale cannot be found in this way, because a square of any size ends where
+    it started.
 
-    :param squares: the driven squares, at least one in each direction
-    :param track: the distance between the wheels that odometry uses [m]
-    :param scale: the true distance divided by the distance in odometry, from a straight line
+    :param squares: the squares, at least one with left turns and one with right turns
+    :param track: the wheel separation that odometry uses [m]
+    :param scale: the true length of a straight line divided by its length in odometry
     :raises CalibrationError: if the squares give no valid calibration
     """
     for square in squares:
@@ -285,12 +285,13 @@ def fit_umbmark(squares: Sequence[Square], track: float, scale: float = 1.0) -> 
 
 def worst_systematic_error(squares: Sequence[Square], calibration: OdometryCalibration) -> float:
     """
-    Return the largest systematic position error, called E_max,syst in UMBmark [m].
+    Return the largest systematic position error [m], which UMBmark calls E_max,syst.
 
-    For each driving direction, the position errors at the ends of the squares are averaged as
-    vectors.  The length of the longer mean vector is returned.
+    The position errors at the ends of the squares are averaged as vectors, once for the squares
+    with left turns and once for those with right turns.  The length of the longer mean vector is
+    returned.
 
-    :param squares: the driven squares, at least one in each direction
+    :param squares: the squares, at least one with left turns and one with right turns
     :param calibration: the calibration that corrects odometry
     """
     means = [_mean_error(calibration, group) for group in _by_direction(squares)]
@@ -354,8 +355,8 @@ def _least_squares(residuals: Residuals, start: Pair) -> tuple[Pair, Pair]:
     """
     Find the two parameters with the least sum of squared residuals, and their standard errors.
 
-    The Gauss-Newton method changes both parameters in each iteration.  If a change does not reduce
-    the sum, it is halved.
+    The Gauss-Newton method changes both parameters in each iteration.  A change that does not
+    reduce the sum is halved.
 
     :param residuals: a function that takes two parameters, and returns the residuals, each divided
         by its standard error

@@ -82,7 +82,7 @@ class ArcSegment:
 
     def sweep(self, radius: float) -> list[Point]:
         """
-        Return points on an arc around the robot that shows a turn in place in a plot [m].
+        Return points on an arc around the robot [m]; in a plot, the arc shows a turn in place.
 
         The arc shows at most the last 330 degrees of the turn, so that its ends do not touch.
 
@@ -120,7 +120,8 @@ class ArcSegment:
         """
         Return poses at equal distances along the path segment, without the start pose.
 
-        If the heading changes by more than two turns, the repeated full turns are left out.
+        If the heading changes by more than two turns, only the first turn and the part after the
+        last full turn are kept.
 
         :param count: the number of poses
         """
@@ -158,7 +159,7 @@ def step_segments(plan: Plan, start: Pose = ORIGIN) -> list[list[ArcSegment]]:
 
 
 def arc_segments(plan: Plan) -> list[ArcSegment]:
-    """Return the path of a plan, from the origin, as segments of constant curvature in order."""
+    """Return the path of a plan that starts at the origin, as segments of constant curvature."""
     return [segment for segments in step_segments(plan) for segment in segments]
 
 
@@ -166,8 +167,8 @@ def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:
     """
     Return the points of a polyline that shows consecutive path segments in a plot.
 
-    If there are more than 500 points, a straight line between two points that repeats an earlier
-    one is left out.
+    If there are more than 500 points, lines that cover an earlier line are left out, except the
+    last line of the path.
 
     :param segments: the segments, in order; each starts at the end of the previous one
     :param grain: the smallest distance that is visible in the plot [m]
@@ -188,10 +189,11 @@ def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:
 
 def _unique_lines(points: Sequence[Point], grain: float) -> list[Point]:
     """
-    Return a path in which no line is drawn twice; for example, a repeated square gives one square.
+    Return a path without the lines that cover an earlier line, except the last line of the path.
 
-    A line is the straight line between two consecutive points.  Two lines count as equal if their
-    end points are equal after rounding to ``grain``.  The last line of the path is always kept.
+    For example, if a robot drives the same square ten times, one square is left.  A line connects
+    two consecutive points.  Two lines cover each other if their end points are equal after
+    rounding to ``grain``.
 
     :param points: the points of the path [m]
     :param grain: the smallest distance that is visible in the plot [m]
@@ -315,14 +317,14 @@ def _evenly(poses: list[Pose], most: int) -> list[Pose]:
 
 def simplify(points: Sequence[Point], grain: float, most: int) -> list[Point]:
     """
-    Remove the points of a path that are near a straight line between two kept points.
+    Reduce each part of a path that is nearly straight to the two end points of this part.
 
     Matplotlib has a similar setting, path.simplify.  With the same tolerance, it keeps 20 times as
     many points of a drive of one hour.
 
     :param points: the path [m]
-    :param grain: the largest distance of a removed point from the line [m], above 0.  It is
-        doubled until at most ``most`` points are left
+    :param grain: the largest distance of a point from the straight line that replaces it [m],
+        above 0.  It is doubled until at most ``most`` points are left
     :param most: the largest number of points to keep
     :returns: the kept points, among them the first and the last point [m]
     """
@@ -354,9 +356,9 @@ class _Cone:
     """
     The range of directions in which a line from a start point passes near all added points.
 
-    Near means within the tolerance ``grain``.  A path is simplified with such ranges: its points
-    are added one by one, as long as one straight line can replace them.  The method is the cone
-    intersection method of Williams (1978) and of Sklansky and Gonzalez (1980).
+    Near means within the tolerance ``grain``.  To simplify a path, its points are added one by one
+    until no straight line passes near all of them.  This is the cone intersection method of
+    Williams (1978) and of Sklansky and Gonzalez (1980).
 
     :param start: the start point of the line [m]
     :param grain: the largest distance of a point from the line [m]
@@ -371,9 +373,10 @@ class _Cone:
 
     def add(self, point: Point) -> bool:
         """
-        Add a point if one straight line can pass near this point and near all points added before.
+        Add a point if one straight line passes near it and near all points that were added before.
 
-        The line begins at the start point.  Near means within the tolerance.
+        The line must begin at the start point that was given to the constructor.  Near means
+        within the tolerance.
 
         :param point: the point [m]
         :returns: whether the point was added

@@ -14,8 +14,8 @@
 """
 A plan with its name, robot, limits and floor area, for tables and plots.
 
-This module also estimates how well a simple loop would drive the plan.  Such a loop, which a
-lesson about ROS teaches, publishes a velocity and then sleeps for at most one period.
+This module also estimates the errors of a simple loop that drives the plan: in each iteration the
+loop publishes a velocity, and then sleeps for at most one period.
 """
 
 from __future__ import annotations
@@ -148,7 +148,9 @@ LOOP_OVERHEAD = 0.0008
 @dataclass(frozen=True)
 class SleepLoopEstimate:
     """
-    The estimated errors if a simple loop drives plans: it publishes a velocity and then sleeps.
+    The estimated errors of a simple loop that publishes the velocities of plans.
+
+    In each iteration the loop publishes a velocity, and then sleeps for at most one period.
 
     :param extra_time: the driven time minus the planned time [s]
     :param missing_messages: the planned number of messages minus the sent number
@@ -164,14 +166,14 @@ class SleepLoopEstimate:
 
 def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
     """
-    Estimate the errors if a simple loop drives plans: it publishes a velocity and then sleeps.
+    Estimate the errors of a simple loop that publishes the velocities of plans.
 
     Each iteration publishes the current velocity.  Then it sleeps for one period, or for the
-    duration of the velocity if this is shorter.  An iteration takes slightly longer than the
+    planned duration of the velocity if this is shorter.  An iteration takes 0.8 ms longer than the
     sleep.  A step ends with the first iteration that ends at or after the planned end of the step.
     Then the next step starts.  In this estimate the robot follows each velocity exactly.
 
-    :param plans: the plans, which are driven one after the other
+    :param plans: the plans, in the order in which the robot drives them
     """
     pose = goal = ORIGIN
     duration = 0.0
@@ -197,11 +199,14 @@ def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
 
 class _LoopStep(NamedTuple):
     """
-    The estimated result if a loop that publishes a velocity and then sleeps drives one step.
+    The estimated result of one step, if a simple loop publishes its velocities.
 
-    The fields are the robot's end pose, relative to the start of the step, the duration of the
-    step [s] and the number of iterations of the loop.  All repetitions of a step have the same
-    result.
+    In each iteration the loop publishes a velocity, and then sleeps for at most one period.  A
+    repeated step has the same result each time.
+
+    :param end: the robot's end pose, relative to its pose at the start of the step
+    :param duration: the duration of the step [s]
+    :param iterations: the number of iterations of the loop
     """
 
     end: Pose

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Compute the displacement of each step: as requested, as sent, and as reported by odometry."""
+"""Compute the displacement of each step: requested, from sent velocities, and from odometry."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def _wrapped(angle: float) -> float:
 @dataclass(frozen=True)
 class StepResult:
     """
-    The displacement of a started step: as requested, as sent, and as reported by odometry.
+    The displacement of a started step: requested, from sent velocities, and from odometry.
 
     :param log: the step and its sent messages
     :param motion: the name of the motion
@@ -165,7 +165,7 @@ def step_results(
         steps: Sequence[StepLog], names: Sequence[str], odometry: Sequence[OdometryReceived],
         command_timeout: float = math.inf) -> list[StepResult]:
     """
-    Return the displacement of each step: as requested, as sent, and as reported by odometry.
+    Return the displacement of each step: requested, from sent velocities, and from odometry.
 
     :param steps: the started steps, in order
     :param names: for each step, the name of its motion

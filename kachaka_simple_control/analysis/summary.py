@@ -163,8 +163,8 @@ class SpeedInterval:
     :param factors: the speed factors below 1, by the name of the source; empty at full speed
     :param begin: the start time [s on the steady clock]
     :param end: the end time [s on the steady clock]
-    :param plan_begin: the time in the plan that the motion had reached at ``begin`` [s]
-    :param plan_end: the time in the plan that the motion had reached at ``end`` [s]
+    :param plan_begin: the progress of the motion at ``begin``, in seconds of its plan
+    :param plan_end: the progress of the motion at ``end``, in seconds of its plan
     """
 
     motion: MotionLog
@@ -196,10 +196,9 @@ class SpeedInterval:
     @property
     def step(self) -> PlannedStep:
         """
-        Return the step that the motion had reached at the start of the interval.
+        Return the current step of the motion at the start of the interval.
 
-        If the interval is a pause, return the step that the motion had reached at the end of the
-        interval.
+        If the interval is a pause, return the current step at its end instead.
         """
         plan = self.motion.plan
         return plan.steps[plan.step_index(self.plan_end if self.is_pause else self.plan_begin)]
@@ -370,9 +369,8 @@ class Summary:
         """
         Return the distance and the heading difference between the expected and the real end pose.
 
-        The real end pose is the last pose from odometry.  The expected end pose is the pose at the
-        same time of a robot that follows the sent velocities exactly.  Return None if there is no
-        odometry.
+        The real end pose is the last pose from odometry.  The expected end pose is computed from
+        the sent velocities for the same time.  Return None if there is no odometry.
         """
         return None if self.last_seen is None else Displacement(
             self.last_seen.distance, self.last_seen.angle)
