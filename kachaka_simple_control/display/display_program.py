@@ -76,11 +76,12 @@ class StepLogger:
         """
         Return the new lines to print for the current status; usually there are none.
 
-        There is a line for each new step, and one for a long wait for the robot.  There is at most
-        one line about a step in half a second.
+        One line is printed when a new step begins, but at most one such line each 0.5 s.  The next
+        line then says how many steps had no line.  One line is printed during the first wait for
+        the robot that takes at least 2 s.
 
         :param status: the current status of the drive
-        :param now: the time [s on the steady clock]; not earlier than in the previous call
+        :param now: the time of this status [s on the steady clock]
         """
         if status.state is not self._state:
             self._state, self._state_since = status.state, now
@@ -112,7 +113,7 @@ class LineRenderer:
     """
     Shows the status of a drive as plain lines of text.
 
-    :param write: a function that writes a text to the output in one call
+    :param write: a function that writes a text to the output with a single system call
     :param has_hint: whether to write one line that says how to stop the robot
     """
 
@@ -164,7 +165,7 @@ class PanelRenderer(LineRenderer):
 
     While the terminal is too small for the panel, plain lines are written instead.
 
-    :param write: a function that writes a text to the terminal in one call
+    :param write: a function that writes a text to the terminal with a single system call
     :param size: a function that returns the size of the terminal
     :param render: a function that takes the width of the terminal, the status of the drive and a
         hint, and returns the lines of the panel
@@ -258,7 +259,7 @@ def renderer_for(descriptor: int) -> LineRenderer:
 
 class TerminalDisplay:
     """
-    Shows a drive, from the events that the driving program sends to standard input.
+    Shows a drive; it reads the events of the driving program from standard input.
 
     :param renderer: the object that shows the status, as a panel or as plain lines
     :param parent: the process id of the driving program
@@ -327,8 +328,9 @@ def describe_killed(tracker: DriveTracker) -> str:
     """
     Return a line for the user, to print after the driving program was killed.
 
-    If the program was driving, the line also says what stops the robot: the guardian, a separate
-    process for this purpose, or only the robot itself.
+    If a motion was running, the line also says what stops the robot.  This is the guardian, a
+    separate process that the driving program has started; without a guardian, it is only the robot
+    itself.
 
     :param tracker: the object that has followed the status of the driving program
     """
@@ -359,8 +361,8 @@ def main() -> int:
     """
     Show the drive of the program that started this process.
 
-    :returns: the exit code: 0 if the terminal is restored; 1 if the output to it failed, so that
-        the driving program must restore it
+    :returns: the exit code: 0 if the terminal is restored; 1 if writing to the terminal failed,
+        so the driving program must restore the terminal
     """
     parent = os.getppid()
     make_blocking(STDERR)  # a partly written frame would corrupt the terminal

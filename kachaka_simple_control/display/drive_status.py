@@ -179,8 +179,8 @@ class StepOdometer:
     """
     Adds up how far the robot has moved since the start of the current step.
 
-    One object adds up the movements that follow from the sent velocities.  Another one adds up the
-    movements in odometry.
+    The display uses two objects of this class: one for the movement that follows from the sent
+    velocities, and one for the movement in odometry.
 
     :param plan: the plan of the motion; if it is None, nothing is added up
     """
@@ -193,11 +193,13 @@ class StepOdometer:
         """
         Add a movement of the robot.
 
-        If a new step began during the movement, the sum restarts at 0.  Then only the part of the
-        movement after the start of the new step is added, in proportion to time.
+        If a new step began during the movement, the sum restarts at 0, and only a part of the
+        movement is added.  For example, if the step began in the middle of the duration, half of
+        the distance and half of the angle are added.
 
         :param duration: the duration of the movement [s]
-        :param plan_time: the time in the plan at the end of the movement [s]
+        :param plan_time: the progress of the motion at the end of the movement, in seconds of its
+            plan
         :param displacement: the distance and the angle of the movement
         """
         if self._plan is None or not self._plan.steps:
@@ -335,9 +337,9 @@ class DriveTracker:
 
     def _plan_time(self, now: float) -> float:
         """
-        Return the time in the plan that the motion has reached [s after the start of the plan].
+        Return the progress of the motion in seconds of its plan.
 
-        While the speed is reduced, the error is at most one period between two velocities.
+        While the speed is reduced, the error is at most one period of the velocity messages.
 
         :param now: the current time [s on the steady clock]
         """

@@ -12,15 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Start the display of a driving program, reserve terminal rows for it, and read single keys.
+Start the display process of a driving program, draw in fixed terminal rows, and read single keys.
 
 The lowest rows of the terminal are excluded from scrolling.  Other programs write directly to the
 terminal, and their output scrolls above these fixed rows.  Each text for the fixed rows must be
 written in one call, so that no other output comes in between.
 
-The driving program, and not the display, reads the keys, because only a foreground process may
-read from a terminal.  In the background it does not read, because the read would suspend the
-program and end the drive.
+A program should read keys only while it is in the foreground of the terminal.  The display process
+never is, so the driving program reads the keys, and only while it is in the foreground.
 
 The driving program imports this module.  So this module must load quickly, and does not use the
 library rich.
@@ -120,10 +119,10 @@ class DisplayProcess(SubscriberProcess):
         """
         Close the pipe to the display process, and wait for the process to exit.
 
-        If the process does not exit within ``timeout``, or within 1 s if this is shorter, it is
-        killed.  But it is not killed if it waits for a terminal that is blocked by Ctrl+S.
+        If the process does not exit in time, it is killed, unless it waits for a terminal that
+        Ctrl+S has blocked.
 
-        :param timeout: the longest wait [s]
+        :param timeout: the longest wait [s]; a value above 1 s has the effect of 1 s
         :returns: the exit code; None if the process still waits for the terminal
         """
         if super().close(min(timeout, DISPLAY_EXIT_TIMEOUT)) is None:
@@ -144,7 +143,7 @@ class Keyboard:
     """
     A context manager that reads keys in a separate thread, and calls a function for each key.
 
-    If there are no functions, or standard input is not a terminal, it does nothing.
+    If ``functions`` is empty, or standard input is not a terminal, it does nothing.
 
     :param functions: the function to call for each key, by character; other keys are ignored
     :param warn: a function to call with the text of each ControlError that a key's function raises
