@@ -113,7 +113,8 @@ def read_drive(directory: Path) -> DriveEnd:
     Read from a report how a drive ended; a drive is one run of the robot.
 
     :param directory: the directory of the report, which contains the file ``run.json``
-    :returns: the planned end pose, the error of the end pose from odometry, and the paths
+    :returns: the planned end pose, the error of the end pose (odometry minus plan), and two paths:
+        planned and from odometry
     :raises UsageError: if there is no valid report, if the drive was not completed, or if the
         report has no end pose from odometry
     """
@@ -218,7 +219,7 @@ def spread(drives: Sequence[DriveEnd]) -> Spread:
 
     :param drives: the ends of two or more drives of the same motion
     :returns: the mean and the standard deviation of the errors of the end poses, and the largest
-        distance and angle of an end pose from the mean
+        distance and angle between an end pose and the mean end pose
     """
     errors = [drive.error for drive in drives]
     mean, deviation = End(*map(fmean, zip(*errors))), End(*map(stdev, zip(*errors)))

@@ -97,9 +97,9 @@ class DrivePlots:
 
 def draw_drive_plots(summary: Summary) -> DrivePlots:
     """
-    Draw all plots of a drive for which there is data.
+    Draw the plots of a drive, and leave out each plot that has no data.
 
-    For example, there is no plot of odometry errors if no odometry was received.
+    For example, the plot of odometry errors is left out if no odometry was received.
 
     :param summary: the results of the drive, which is one run of the robot
     :returns: the plots as SVG elements, and the plot of the path also as a PNG file
@@ -332,9 +332,9 @@ def histogram(values: Sequence[float]) -> tuple[float, list[int]]:
     """
     Count how many values belong to each bar of a histogram.
 
-    All bars have the same width, and the middle bar has its centre at zero.  Empty bars are
-    removed in pairs, one at each end, but at least 11 bars are kept.  Values that are infinite or
-    NaN are not counted.
+    All bars have the same width, and the middle bar has its centre at zero.  While the
+    first and the last bar are both empty, both are removed, but at least 11 bars are kept.  Values
+    that are infinite or NaN are not counted.
 
     :param values: the values [ms]
     :returns: the distance from zero to each end of the histogram [ms], and the count of each bar

@@ -196,8 +196,8 @@ def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
     A table with more than 1000 rows keeps only its first 500 and its last 500 rows.
 
     :param rows: all rows of the table
-    :returns: the number and the content of each row; one pair in the middle stands for all rows
-        that are left out, and contains their count and None
+    :returns: a pair of number and content for each row; if rows are left out, the pair in the
+        middle has the number of these rows, and None instead of a content
     """
     numbered: list[tuple[int, T | None]] = list(enumerate(rows, 1))
     left_out = len(rows) - 2 * SHOWN
@@ -211,9 +211,10 @@ def _step_tables(summary: Summary) -> tuple[list[StepRow], list[StepRow]]:
     Return the rows of a short and of a long table of the steps that the robot drove.
 
     A step is a part of a motion, for example a turn.  With at most MAX_ROWS steps, the short table
-    shows all steps, and the long table is empty.  With more steps, the short table leaves out
-    repetitions of steps, and also its middle if it is still too long.  The long table then shows
-    all steps, or only the first 500 and the last 500 if there are more than 1001 steps.
+    shows all steps, and the long table is empty.  With more steps, the short table shows only
+    the first and the last repetition of each step, and leaves out its middle if it is still too
+    long.  The long table then shows up to 1001 steps; if there are more, it shows only the first
+    500 and the last 500.
 
     :param summary: the results of the drive
     """

@@ -166,12 +166,12 @@ def _timing(summary: Summary) -> Fields:
 
 def _speed(summary: Summary) -> Fields:
     """
-    Return when a drive was paused or slower than planned, as fields of a JSON object.
+    Return the field of a JSON object that tells when a drive was paused or slower than planned.
 
     :param summary: the results of the drive
-    :returns: the field ``speed`` with the total time of all pauses, and the time intervals in
-        which the speed setting did not change; an empty dictionary if the whole drive had the
-        planned speed
+    :returns: the field ``speed``, an object with two fields: the total time of all pauses, and the
+        time intervals between changes of the speed setting; an empty dictionary if the whole drive
+        had the planned speed
     """
     if not summary.speed:
         return {}

@@ -224,11 +224,11 @@ class McapRecorder:
 
     def flush(self, until: float) -> None:
         """
-        Write all recorded messages up to a given time to the file, sorted by time.
+        Write to the file, in order of time, all messages that are not newer than ``until``.
 
-        Later messages stay in memory, because an event with an earlier time may still arrive.
+        Newer messages stay in memory, because an event with an earlier time can still arrive.
 
-        :param until: the given time [s on the steady clock]
+        :param until: the time of the newest message to write [s on the steady clock]
         """
         if self._file is not None:
             self._attempt(lambda: self._store(self._stamp(until)))

@@ -50,11 +50,11 @@ def write_atomically(path: Path, data: bytes) -> None:
 
 class CrashSafeFile:
     """
-    A file for an MCAP writer that stays readable if the program is killed.
+    An MCAP file that stays readable if the program is killed.
 
-    Each flush writes the new data, and after them an end record, which makes the file complete.
-    The next flush writes its data over this end record.  So after a crash the file can be read up
-    to the last flush.
+    The class has the methods that an MCAP writer calls on its file.  Each flush writes the new
+    data, and after them an end record, which makes the file complete.  The next flush writes its
+    data over this end record.  So after a crash the file can be read up to the last flush.
 
     :param path: the path of the file; the file must not exist
     :param end: the content of the end record
@@ -84,7 +84,7 @@ class CrashSafeFile:
 
     def flush(self) -> None:
         """
-        Write the data that are kept in memory to the file, followed by an end record.
+        Write the data from memory to the file, and an end record after them.
 
         The end record makes the file complete and readable.
 
@@ -94,9 +94,9 @@ class CrashSafeFile:
 
     def close(self) -> None:
         """
-        Write the data that are kept in memory to the file, and close the file.
+        Write the data from memory to the file, and close the file.
 
-        This method adds no end record.  The caller must already have written one with ``write``.
+        This method adds no end record.  The caller must add it with ``write`` before ``close``.
 
         :raises OSError: if writing fails; the file is closed, and has the same content as before
         """
@@ -106,7 +106,7 @@ class CrashSafeFile:
             self.abandon()
 
     def abandon(self) -> None:
-        """Close the file, and discard the data that are kept in memory."""
+        """Close the file, and discard the data in memory."""
         with contextlib.suppress(OSError):
             os.close(self._descriptor)
 

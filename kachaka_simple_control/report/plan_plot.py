@@ -107,10 +107,10 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
 
 def _turns(segments: Sequence[ArcSegment]) -> list[ArcSegment]:
     """
-    Return the segments of a path in which the robot turns in place.
+    Return only those segments of a path that are turns in place.
 
-    If several of them have the same place, the same start heading and the same angle, only the
-    first one is returned.
+    If several turns have the same place, the same start heading and the same angle, only the first
+    one is returned.
 
     :param segments: all segments of a planned path
     :returns: the turns; an empty list if there are more than MAX_TURNS, which are too many to draw

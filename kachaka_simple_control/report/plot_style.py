@@ -73,7 +73,7 @@ class Band(NamedTuple):
 
 def min_max_decimate(points: Sequence[StepPoint], end: float, count: int) -> list[Band]:
     """
-    Reduce a line over time to its lowest and its highest value in each of some time intervals.
+    Return the lowest and the highest value of a line in each of several time intervals.
 
     All intervals have the same length.  The first one starts at 0.
 
@@ -81,7 +81,8 @@ def min_max_decimate(points: Sequence[StepPoint], end: float, count: int) -> lis
         valid until the time of the next pair
     :param end: the end of the last interval [s]
     :param count: the number of intervals
-    :returns: the lowest and the highest value for each interval from the first to the last point
+    :returns: a band for each interval; intervals before the first point and after the last point
+        have none
     """
     bands = []
     held: list[float] = []

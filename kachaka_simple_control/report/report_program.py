@@ -74,8 +74,7 @@ def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
     :param recording: the reason why the recording ``run.mcap`` is missing or incomplete, as a
         sentence; None if it is complete
     :raises OSError: if the directory cannot be written to
-    :raises UsageError: if Jinja2 is missing, and ``report.html`` cannot be made; the other files
-        are written
+    :raises UsageError: if Jinja2 is missing; only ``report.html`` is then not written
     """
     # An hour of driving makes half a million objects, all in use.  Collecting garbage among them
     # would take a fifth of the time.
@@ -214,7 +213,7 @@ def guardian_stop(file: int, slot: int) -> VelocitySent | None:
     stores the time of its stop in memory that it shares with the driving program.
 
     :param file: the file descriptor of the shared memory
-    :param slot: the index of the part of this memory that belongs to the robot
+    :param slot: the index of the robot in this memory
     :returns: the zero velocity and its time; None if the guardian did not stop the robot within
         GUARDIAN_STOP_TIMEOUT
     """

@@ -78,8 +78,8 @@ def columns(head: Sequence[Column], rows: Sequence[Row], widest: int = WIDEST,
     :param head: the headings of the columns
     :param rows: the rows, with one cell per column
     :param widest: the largest allowed width of the table [characters]
-    :param totals: the number of rows at the end, such as sums, that a horizontal line separates
-        from the rows above
+    :param totals: the number of rows with sums or similar results at the end; a horizontal line is
+        drawn above them
     :returns: the lines: the names, the units if there are any, a horizontal line, and the rows
     """
     names, units, spares = zip(*head)
@@ -147,7 +147,7 @@ def fold(keys: Sequence[Hashable], most: int) -> list[int | Gap]:
     """
     Choose which steps of a motion a table shows, so that the table is not too long.
 
-    If there are more steps than lines, only the first and the last repetition of each step are
+    If there are more than ``most`` steps, only the first and the last repetition of each step are
     shown.  If the table is still too long, its middle is left out.
 
     :param keys: a key for each step; repetitions of the same step have equal keys
@@ -235,13 +235,14 @@ def plan_table(views: Sequence[PlanView], widest: int | None = None) -> str:
     """
     Return text tables of the plans of one or more motions.
 
-    For one plan, there is a table of its steps and totals.  For several plans, there is a table of
-    the steps of each plan, if there is room, and a table that compares the totals of all plans.
+    For one plan, there is a table of its steps and totals.  For several plans, there is a table
+    that compares their totals.  If there are not too many plans, there is also a table of the
+    steps of each plan.
 
     :param views: the plans
     :param widest: the width of the terminal [characters]; None if there is no terminal
-    :returns: the tables as text, up to 99 characters wide and about 60 lines long; with many
-        motions there are more lines
+    :returns: the tables as text, up to 99 characters wide and about 60 lines long, or longer if
+        there are many plans
     """
     widest = min(widest or WIDEST, WIDEST)
     if len(views) == 1:
