@@ -158,8 +158,8 @@ def measure_squares(options: CalibrateOptions) -> None:
 
     :param options: the options of the command
     :raises CalibrationError: if the drives give no valid calibration; no file is written
-    :raises UsageError: if the scale of distances has not been measured before with
-        ``kachaka_calibrate floor``; the robot has not moved
+    :raises UsageError: if the robot's profile has no odometry calibration yet (first run
+        ``kachaka_calibrate floor``); the robot has not moved
     :raises ControlError: if a drive cannot start or is not completed; no file is written
     """
     settings = require_ready(options)
@@ -209,7 +209,7 @@ def require_ready(options: CalibrateOptions) -> Settings:
     may replace the file of the robot's profile, if ``--output`` names this file.
 
     :param options: the options of the command
-    :returns: the settings: the robot's profile, and the rate of velocity messages
+    :returns: the settings for the drive, such as the robot's profile and the message rate
     :raises UsageError: if the robot has no odometry, or the output file already exists or cannot
         be written; the robot has not moved
     """
@@ -246,9 +246,9 @@ def drive_until_good(
     Before each drive the user is asked whether the robot may drive, unless the robot is simulated
     or ``--yes`` was given.
 
-    The motion is driven at most three times.  It is only driven again if a user at the terminal
-    can put the robot back to its start.  So with ``--yes``, a real robot drives only once.  A
-    drive that ended with a fault is not repeated.
+    If the measurement is not valid, the robot drives the motion again, at most three times in
+    total.  There is only one drive if there is no terminal, or if a real robot drives with
+    ``--yes``, because then nobody is asked to put the robot back to its start.
 
     :param options: the options of the command
     :param motion: the name of a motion of the package, or the path of a motion file
@@ -259,6 +259,7 @@ def drive_until_good(
     :raises CalibrationError: if the last drive gives no valid measurement
     :raises UsageError: if the user does not allow a drive, or there is no terminal for the
         question
+    :raises ControlError: if a drive cannot start or is not completed; it is not repeated
     """
     for attempt in range(1, MAX_ATTEMPTS + 1):
         report = options.report  # each attempt has its own report directory
@@ -283,8 +284,8 @@ def _drive(
     """
     Drive a calibration motion, and return the path that odometry reported.
 
-    If the odometry of a drive is not valid, the robot drives the motion again, at most three times
-    in total.
+    If odometry is not valid, the robot drives the motion again, at most three times in total.
+    There is only one drive if there is no terminal, or if a real robot drives with ``--yes``.
 
     :param options: the options of the command
     :param motion: the name of a motion of the package, or the path of a motion file
@@ -430,12 +431,12 @@ def _motions(side: str) -> Iterator[tuple[str, str]]:
 
 def _track(options: CalibrateOptions, profile: RobotProfile) -> float:
     """
-    Return the distance between the wheels with which a robot computes its odometry [m].
+    Return the wheel separation that a robot uses to compute its odometry [m].
 
-    :param options: the options of the command; ``--track`` sets the distance
+    :param options: the options of the command; ``--track`` gives the wheel separation
     :param profile: the profile of the robot, which is used if ``--track`` is not given
-    :raises UsageError: if the distance is invalid, or if it is neither given nor known for the
-        robot
+    :raises UsageError: if the wheel separation is invalid, or if it is neither given nor known for
+        the robot
     """
     known = profile.odometry_calibration
     if options.track is not None:

@@ -52,13 +52,13 @@ class CalibrateOptions(cli.Options):
         measure with odometry only
     :param output: the file of the robot's profile to write; None for the default file
     :param floor: a description of the floor, which is written to the profile
-    :param dry_run: whether to print the plan of the motion only, without driving
+    :param dry_run: whether to print the plan of the motion instead of driving it
     :param measured: the measurements with the tape, in the order of the questions; empty to ask
         the user
     :param side: the side length of the squares to drive, as text; None for the default
     :param squares: the number of squares in each direction; None for one
-    :param track: the distance between the wheels with which the robot computes its odometry, as
-        text; None for the known value of the robot
+    :param track: the wheel separation that the robot uses to compute its odometry, as text; None
+        for the known value of the robot
     """
 
     calibrates: bool = True
@@ -73,7 +73,7 @@ class CalibrateOptions(cli.Options):
 
     @property
     def file(self) -> Path:
-        """Return the path of the profile to write, given by ``--output`` or the default."""
+        """Return the path of the profile to write: that of ``--output``, or the default path."""
         return OUTPUT if self.output is None else self.output
 
 

@@ -80,8 +80,7 @@ class Options:
     :param report: the directory for a report; None for no report
     :param repeat: how many times to drive the motion
     :param quiet: whether to print only the node's log lines while the robot drives
-    :param address: the address of a real robot; a bridge to this robot is started; None for no
-        bridge
+    :param address: the address of a real robot, for which to start a bridge; None if not given
     :param simulation: the options of the simulated robot, as command line arguments
     :param yes: whether to drive a real robot without asking the user
     :param calibrates: whether the drive is for a calibration; such a drive is recorded, and prints
@@ -222,7 +221,7 @@ def _parser() -> OneLineParser:
 
 def add_drive_options(parser: OneLineParser) -> None:
     """
-    Add the options that all programs that drive a robot have, such as robot, rate and report.
+    Add the common options of all programs for driving, such as ``--robot`` and ``--rate``.
 
     :param parser: the parser to which the options are added
     """

@@ -177,13 +177,13 @@ def _motion_file(options: Options) -> MotionFile | None:
     """
     Read the motion that the options name, and check that the robot can drive it.
 
-    If the options name no motion, the program drives the lesson, the default motion.  The lesson
-    is a Python function, so there is no motion file.  With ``--wait``, the lesson is read as a
-    motion too.
+    If the options name no motion, the program drives the lesson, which is the default motion.
+    With ``--wait``, this function then reads the lesson like any other motion.  Without
+    ``--wait``, it returns None, and the program calls the Python function of the lesson.
 
     :param options: the options of the command
-    :returns: the checked motion and its source; None if the Python function of the lesson is to
-        run
+    :returns: the checked motion and its source; None if the options have neither a motion nor
+        ``--wait``
     :raises UsageError: if two options contradict each other
     :raises InvalidMotionError: if the motion is not found, or the robot cannot drive it
     """
@@ -269,7 +269,7 @@ def _wait_for_requests(
 
 def _keys(robot_control: KachakaSimpleControl) -> Keys:
     """
-    Return the function for each key with which the user controls the robot while it drives.
+    Return a function for each key that controls the robot while it drives.
 
     The space bar pauses, ``r`` resumes, ``-`` and ``+`` change the speed, and ``q`` ends the
     program.

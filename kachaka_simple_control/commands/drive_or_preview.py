@@ -64,9 +64,9 @@ def drive(options: Options) -> DriveLog:
     Drive a robot as the options request, and return the record of the drive.
 
     :param options: the options of the command
-    :returns: the plans, the sent velocities and the odometry of the drive; empty unless the
-        options request a simulated robot, an address of a robot, a report, a calibration or the
-        ROS parameter ``summary``
+    :returns: the plans, the sent velocities and the odometry of the drive; empty if the drive is
+        not recorded.  It is recorded for a calibration, or with ``--sim``, ``--address``,
+        ``--report`` or the ROS parameter ``summary``.
     :raises UsageError: if ROS 2 is not installed, or its setup file was not sourced
     :raises ControlError: if the drive could not be completed; the robot was stopped
     """
