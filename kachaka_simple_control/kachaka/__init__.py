@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Code for the Kachaka, a mobile robot that programs control over gRPC.
+Code for the mobile robot Kachaka, which is controlled over gRPC.
 
 The package has a bridge between the robot and ROS 2, a gRPC client for the real robot, and a
 simulated robot.

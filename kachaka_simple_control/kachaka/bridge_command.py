@@ -62,9 +62,10 @@ PROGRAM = 'kachaka_bridge'
 
 class _Fault:
     """
-    Ends the bridge program when a fault occurs, and stores the reason for the error message.
+    Ends the bridge program after a fault, and stores a text that describes the fault.
 
-    ``text`` is the reason for the first fault.  It is empty if no fault has occurred.
+    A fault is an aborted motion of a real robot, or another bridge with the same ROS names.  The
+    attribute ``text`` describes the first fault.  It is empty if no fault has occurred.
     """
 
     def __init__(self, shutdown: ShutdownEvent) -> None:

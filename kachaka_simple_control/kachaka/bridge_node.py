@@ -175,11 +175,10 @@ class SimulatedBridge(BridgeNode):
 
     The node behaves like the manufacturer's own ROS 2 bridge of a real robot.  The robot follows
     velocities only while its manual control is on.  If a velocity is received while manual control
-    is off, the node switches manual control on, but the robot does not follow this velocity, even
-    if it is a zero velocity.  The node does not limit velocities.  If no more velocities are
-    received, the node sends no stop: the robot stops itself after its command timeout.  The node
-    logs the robot's pose when manual control is switched off, or at the latest when the node is
-    closed.
+    is off, the node switches manual control on, but the robot does not follow this velocity.  A
+    zero velocity also switches manual control on.  The simulated robot, not the node, clips
+    velocities to its limits, and stops if it receives no new velocity for 0.3 s.  The node logs
+    the robot's pose when manual control is switched off, or at the latest in ``close()``.
 
     :param robot: the simulated robot
     :param namespace: the ROS namespace of the topics and the service
@@ -223,17 +222,18 @@ class SimulatedBridge(BridgeNode):
 
     def close(self) -> None:
         """
-        Log the robot's pose, unless it was logged after manual control was last switched on.
+        Log the robot's pose if manual control was switched on and no pose was logged since then.
 
-        Nothing is logged if manual control was never switched on.  The caller must call this
-        method before ``destroy_node()``.
+        The caller must call this method before ``destroy_node()``.
         """
         if not self._is_place_logged:
             self._log_place(time.monotonic())
 
     def set_manual_control(self, enabled: bool) -> str:
         """
-        Switch manual control, the mode in which the robot follows velocities, on or off.
+        Switch manual control on or off.
+
+        Manual control is the mode in which the robot follows velocities.
 
         :param enabled: true to switch manual control on, false to switch it off
         :returns: an empty text for success; else the robot's error code as text

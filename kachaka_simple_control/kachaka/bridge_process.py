@@ -61,8 +61,8 @@ def simulated_bridge(
     :param options: more command line options for the child process, the program ``kachaka_bridge``
     :returns: a context manager, which gives the block a ``BridgeProcess``
     :raises RobotNotFoundError: if another bridge already uses the same ROS names
-    :raises ControlError: if the process ends before the block ends; if the block has raised
-        another error, the ``ControlError`` is raised in its place
+    :raises ControlError: if the process ends before the block ends; an error that the block has
+        raised is then the ``__cause__`` of the ``ControlError``
     """
     with _running(BridgeProcess(['--sim', '--namespace', namespace, *options])) as process:
         yield process
@@ -83,8 +83,8 @@ def real_bridge(address: str, namespace: str = KACHAKA.namespace) -> Iterator[Br
     :raises RobotNotFoundError: if no robot responds, or if another bridge already uses the same
         ROS names
     :raises ControlError: if the bridge is not ready within 20 s, or if the process ends before the
-        block ends; if the block has raised another error, the ``ControlError`` is raised in its
-        place
+        block ends; an error that the block has raised is then the ``__cause__`` of the
+        ``ControlError``
     """
     with _running(BridgeProcess(
             ['--address', address, '--give-up', '--namespace', namespace],
@@ -152,8 +152,8 @@ class BridgeProcess:
 
         Use this only after the process has ended.  All calls return the same object.
 
-        :returns: a ``RobotNotFoundError`` if the child process found no robot, or another bridge
-            with the same ROS names; else a ``ControlError``
+        :returns: a ``RobotNotFoundError`` if no robot was found, or if another bridge already uses
+            the same ROS names; else a ``ControlError``
         """
         if self._failure is None:
             # The last line of the process may not be read yet.
@@ -264,13 +264,13 @@ class OwnSimulation:
         """
         End the simulated robot, and print a table of the driven motions.
 
-        For each motion, the table has the requested distance or angle, the distance or angle that
-        was sent as velocities, and the distance or angle in odometry.  No table is printed if
-        there was no motion.  A second call has no effect.
+        For each motion, the table compares three distances or angles: as requested, as computed
+        from the sent velocities, and as measured by odometry.  No table is printed if there was no
+        motion.  A second call has no effect.
 
         :param drive_log: the record of the drive, from which the table is made
-        :param stop_confirmed_after: the time between the start of the stop and standstill in
-            odometry [s]; None if odometry did not show a standstill
+        :param stop_confirmed_after: the time from the start of the last stop until odometry showed
+            a standstill [s]; None if odometry did not show it
         """
         bridge, self._bridge = self._bridge, None
         if bridge is None:
