@@ -54,22 +54,23 @@ def _figure(default: float, unit: str, text: str, rule: Rule = FINITE_FROM_0) ->
 @dataclass(frozen=True)
 class SimulationParameters:
     """
-    The deviations of a simulated robot from an ideal robot, and its undocking motion.
+    The deviations of a simulated robot from an ideal robot, and the motion off its dock.
 
-    With the undocking motion, the robot leaves its charging dock.  The manufacturer publishes none
-    of these values.  The default values describe an ideal robot.  The default distance and
-    velocity of the undocking motion are assumptions.
+    The manufacturer publishes none of these values.  By default, the robot is ideal.  The default
+    distance and velocity of the motion off the dock are assumptions.
 
     :param dead_time: the time from a velocity command until the drive begins to follow it [s]
     :param lag: time constant of the drive, which is a first-order system [s]
     :param linear_acceleration: largest forward acceleration [m/s^2]
     :param angular_acceleration: largest turning acceleration [rad/s^2]
-    :param linear_gain: forward velocity in odometry divided by the commanded velocity, when the
-        robot drives forwards
-    :param backward_gain: the same gain when the robot drives backwards, divided by ``linear_gain``
-    :param angular_gain: turning velocity in odometry divided by the commanded velocity, when the
-        robot turns to the left
-    :param right_gain: the same gain when the robot turns to the right, divided by ``angular_gain``
+    :param linear_gain: gain of the forward velocity: the velocity in odometry divided by the
+        commanded velocity
+    :param backward_gain: additional factor when the robot drives backwards: the gain is then
+        ``linear_gain`` times ``backward_gain``
+    :param angular_gain: gain of the turning velocity: the velocity in odometry divided by the
+        commanded velocity
+    :param right_gain: additional factor when the robot turns to the right: the gain is then
+        ``angular_gain`` times ``right_gain``
     :param veer: the unwanted turn to the left for each metre forwards, in odometry [rad/m]
     :param odometry_scale: true distance divided by the distance in odometry on a straight line
     :param wheel_ratio: true diameter of the right wheel divided by that of the left wheel;
@@ -83,10 +84,10 @@ class SimulationParameters:
     :param heading_noise: standard deviation of the heading in odometry [rad]; the noise changes
         every 20 ms
     :param undock_distance: the distance that the robot drives straight off its dock [m]
-    :param undock_velocity: the velocity of the undocking motion [m/s]
+    :param undock_velocity: the velocity of this motion off the dock [m/s]
     :raises ValueError: if a value is out of its range.  Only accelerations may be infinite.  Only
-        gains and the veer may be negative.  Accelerations and the undocking velocity must be above
-        0.  The ranges of ``odometry_scale``, ``wheel_ratio`` and ``track_ratio`` are those of
+        gains and the veer may be negative.  Accelerations and ``undock_velocity`` must be above 0.
+        The ranges of ``odometry_scale``, ``wheel_ratio`` and ``track_ratio`` are those of
         ``OdometryCalibration``
     """
 
@@ -352,9 +353,9 @@ class DriveModel:
         """
         Compute the state of the model in steps of 1 ms, and store the state after the last step.
 
-        All steps end at times of a fixed grid; the last step ends at or before ``now``.  If the
-        robot is at rest, no steps are needed.  Nothing is done for an ideal drive, which needs no
-        steps either.
+        Each step ends a whole number of milliseconds after the start of the model.  The last step
+        ends at ``now`` or less than 1 ms earlier.  For an ideal drive, this method does nothing.
+        If the robot is at rest, it computes no steps, and stores only the time.
 
         :param now: the current time [s]
         """

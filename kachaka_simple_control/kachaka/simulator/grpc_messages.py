@@ -220,10 +220,11 @@ ACTIONS: dict[str, Callable[[Any, SimulatorState], tuple[Action, ...] | int]] = 
 
 def command_of(task: Task | None) -> pb2.Command | None:
     """
-    Return the gRPC command of a client that a task executes.
+    Return the gRPC command from which a task was made.
 
-    :param task: the task, a sequence of motions and standstills of the robot; may be None
-    :returns: the command; None if there is no task, or if no client has sent the task
+    :param task: the task, a sequence of motions and standstills of the robot; None if there is no
+        task
+    :returns: the command; None if there is no task, or if it was not made from a gRPC command
     """
     return task.note.command if task and isinstance(task.note, ReceivedCommand) else None
 
@@ -241,9 +242,11 @@ Fields = dict[str, Any]
 
 def _battery(is_docked: bool) -> Fields:
     """
-    Return the fields of a battery message: full, and charging if the robot is docked.
+    Return the fields of the battery message: the charge and the charging status.
 
-    :param is_docked: whether the robot is docked; if not, the battery is discharging
+    The battery is always full.  It charges while the robot is docked, and discharges otherwise.
+
+    :param is_docked: whether the robot is on its charging dock
     """
     status = (pb2.POWER_SUPPLY_STATUS_CHARGING if is_docked
               else pb2.POWER_SUPPLY_STATUS_DISCHARGING)
@@ -263,10 +266,10 @@ def _command_state(task: Task | None) -> Fields:
 
 def _last_result(results: Sequence[TaskResult]) -> Fields:
     """
-    Return the fields of the message about the command that has ended last, and its result.
+    Return the fields of the message about the command that has ended last.
 
     :param results: the results of the commands that have ended, newest last
-    :returns: the fields; no fields if no command has ended yet
+    :returns: the fields: the command, its id and its result; no fields if no command has ended yet
     """
     if not results:
         return {}

@@ -137,7 +137,7 @@ def serving(
     """
     Run a gRPC server for a simulated robot, in a new thread, during a ``with`` block.
 
-    :param robot: the simulated robot, created with a time of the same clock
+    :param robot: the simulated robot; its start time must come from ``clock``
     :param port: the TCP port; 0 for any free port
     :param host: the name or IP address of a network interface of this machine
     :param clock: the clock that gives the robot its time; default: the clock of this machine

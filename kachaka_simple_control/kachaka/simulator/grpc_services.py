@@ -60,14 +60,14 @@ MAX_INTENSITY = 255
 
 def _with_result(execute: Callable[[Any, Any], int]) -> Callable[..., Awaitable[Any]]:
     """
-    Make a gRPC call from a method that executes a request; this is a decorator.
+    Turn a method into a gRPC handler; this function is a decorator.
 
-    The gRPC call executes the request, and responds with success or an error code.  It also wakes
-    all other calls that wait for a change of the robot.
+    The handler passes the request to the method, and responds with success or an error code.  It
+    also wakes all gRPC calls that wait for a change of the robot.
 
-    :param execute: the method, which has the name of the gRPC call; it returns 0 for success, else
-        an error code
-    :returns: the coroutine function of the gRPC call
+    :param execute: the method, which has the name of the gRPC call; it executes a request, and
+        returns 0 for success, else an error code
+    :returns: the handler, which is a coroutine function
     """
     @functools.wraps(execute)
     async def call(self: SimulatedKachakaServicer, request: Any, _context: Any) -> Any:
@@ -300,7 +300,7 @@ def _check(value: int, highest: int) -> int:
 
 def _reading(name: str, value: str, fields: Callable[[Any], dict[str, Any]]) -> Callable[..., Any]:
     """
-    Make the gRPC call that reads one value of the robot.
+    Return the gRPC handler of a call that reads one value of the robot.
 
     Each version of the value has a cursor, a number that identifies the version.  The client sends
     the cursor of the version that it has.  If this is the newest version, the call waits for the
@@ -309,7 +309,7 @@ def _reading(name: str, value: str, fields: Callable[[Any], dict[str, Any]]) -> 
     :param name: the name of the gRPC call
     :param value: the name of the value
     :param fields: a function that converts the value to the fields of the response
-    :returns: the coroutine function of the gRPC call
+    :returns: the handler, which is a coroutine function
     """
     async def call(self: SimulatedKachakaServicer, request: pb2.GetRequest, _: Any) -> Any:
         cursor, newest = await self.values[value].get(request.metadata.cursor)

@@ -14,8 +14,9 @@
 """
 The data that the gRPC calls of the simulated robot use.
 
-They are the robot, its clock, the transform from map to odometry, and values of the robot.  A
-client can wait until such a value changes.
+They are the robot, its clock, the transform between the map and odometry frames, and the values
+that clients read, for example whether the robot is docked.  A client can wait until such a value
+changes.
 """
 
 from __future__ import annotations
@@ -95,7 +96,7 @@ class SimulatorState:
     All code that uses this object runs in one asyncio event loop, so no lock is needed.  gRPC
     calls can wait until the robot changes.  Code that changes the robot must call ``notify()`` to
     wake these calls.  ``run()`` wakes them when the robot changes without a request, for example
-    when manual control, the mode in which the robot follows velocities, ends after 60 s.
+    when the robot has completed a motion.
 
     :param robot: the simulated robot; from now on, code outside of the event loop must not use it
     :param clock: the clock that gives the robot its time
@@ -121,8 +122,8 @@ class SimulatorState:
         """
         Return a new cursor, a number that identifies one version of a value.
 
-        Neither this process nor an earlier process on this machine has used the number, if the
-        machine was not restarted between them.
+        The number is larger than all cursors that this process, or an earlier process, has
+        returned since the start of this machine.
         """
         # The cursors of the real robot are times, too.
         self._cursor = max(self._cursor + 1, int(self.now() * 1e9))
@@ -159,7 +160,7 @@ T = TypeVar('T')
 
 class LongPollValue(Generic[T]):
     """
-    A value of the robot for gRPC calls that wait until the value changes (long polls).
+    A value of the robot for long polls, which are gRPC calls that wait until the value changes.
 
     Each version of the value has a cursor, a number that identifies the version; see docs/GRPC.md
     of pf-robotics/kachaka-api.  A client sends the cursor of the version that it has.  If this

@@ -49,7 +49,7 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 
 class TimedState(Enum):
     """
-    The states of the simulated robot that end at a stored time.
+    The states of the simulated robot for which the end time is stored.
 
     They are: manual control is on, the robot follows a velocity, the robot leaves its dock, and
     the robot executes a task.
@@ -70,7 +70,7 @@ class SimulatedKachaka:
 
     The robot follows velocities while manual control is on.  Otherwise it can execute tasks, which
     are sequences of motions and standstills.  The manufacturer does not document all behaviour of
-    the real robot; where it is not documented, the docstrings call it assumed.
+    the real robot.  In docstrings, "assumed" marks behaviour that is not documented.
 
     The parameter ``now`` of each method is the current time of a steady clock [s].  If it is
     earlier than in a previous call, the latest time so far is used.  Most methods that change the
@@ -98,12 +98,12 @@ class SimulatedKachaka:
 
     def set_manual_control(self, enabled: bool, now: float) -> int:
         """
-        Switch manual control, the mode in which the robot follows velocities, on for 60 s or off.
+        Switch manual control on for 60 s, or switch it off.
 
-        When manual control is switched on, all tasks are cancelled, and a docked robot first
-        leaves its dock.  That the tasks are cancelled is assumed, not documented by the
-        manufacturer.  When manual control is switched off, the robot stops, unless it is just
-        leaving its dock.
+        Manual control is the mode in which the robot follows velocities.  When it is switched on,
+        all tasks are cancelled, and a docked robot first leaves its dock.  The cancelling of tasks
+        is assumed, not documented by the manufacturer.  When manual control is switched off, the
+        robot stops, unless it is just leaving its dock.
 
         :param enabled: true to switch manual control on, false to switch it off
         :param now: the current time [s, steady clock]
@@ -213,8 +213,8 @@ class SimulatedKachaka:
         Stop and pause the robot, as its power button does.
 
         A paused robot refuses to move.  The stop also ends manual control, all tasks and the
-        motion off the dock, so that the robot still stands when the pause ends.  That the motion
-        off the dock ends is assumed, not documented by the manufacturer.
+        motion off the dock, so the robot does not move again when the pause ends.  The end of the
+        motion off the dock is assumed, not documented by the manufacturer.
 
         :param now: the current time [s, steady clock]
         :returns: 0, because this is always successful
@@ -270,7 +270,9 @@ class SimulatedKachaka:
 
     def manual_control(self, now: float) -> bool:
         """
-        Return whether manual control is on, the mode in which the robot follows velocities.
+        Return whether manual control is on.
+
+        Manual control is the mode in which the robot follows velocities.
 
         :param now: the current time [s, steady clock]
         """
@@ -334,12 +336,12 @@ class SimulatedKachaka:
 
     def _advance(self, now: float) -> float:
         """
-        Simulate the robot until a time.
+        Simulate the robot until a given time.
 
-        States of the robot that end within this time, such as manual control, are ended at their
-        end times.
+        If a state of the robot, such as manual control, has an end time up to the given time, the
+        simulation ends the state at its end time.
 
-        :param now: the time [s, steady clock]
+        :param now: the given time [s, steady clock]
         :returns: the latest time of this call and all earlier calls [s, steady clock]
         """
         self._now = max(self._now, now)
