@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The ROS 2 node for a real Kachaka robot, which the node controls over gRPC.
+The ROS 2 node that controls a real Kachaka robot over gRPC.
 
 The module also converts the robot's odometry to ROS messages.
 """
@@ -84,7 +84,7 @@ def _copy(source: Any, target: Any, names: str) -> None:
 
 class GrpcBridge(BridgeNode):
     """
-    The ROS 2 node for a real robot, which the node controls over gRPC.
+    The ROS 2 node that controls a real robot over gRPC.
 
     The node uses several threads.  One thread only receives velocities.  A second thread runs all
     other ROS callbacks of the node, for example that of the service.  Further threads get odometry
@@ -93,8 +93,8 @@ class GrpcBridge(BridgeNode):
     :param robot: the connected robot
     :param namespace: the ROS namespace of the topics and the service
     :param frame_prefix: a text before the frame names in odometry; no separator is added
-    :param give_up: called with the reason if a motion is aborted, because the robot refuses to
-        move or does not respond
+    :param give_up: called if a motion is aborted because the robot refuses to move or does not
+        respond; its argument is the reason
     :param on_conflict: called if another bridge that uses the same topic names is discovered after
         this node was created; its argument is a text that describes the other bridge
     :raises RobotTakenError: if another bridge already uses the same topic names
@@ -157,7 +157,9 @@ class GrpcBridge(BridgeNode):
 
     def set_manual_control(self, enabled: bool) -> str:
         """
-        Switch manual control, the mode in which the robot follows velocities, on or off.
+        Switch manual control on or off.
+
+        Manual control is the mode in which the robot follows velocities.
 
         :param enabled: true to switch manual control on, false to switch it off
         :returns: an empty text for success; else the reason for the failure

@@ -63,9 +63,9 @@ class RobotClient:
     """
     One gRPC connection to a robot.
 
-    Several threads may use the object at the same time.  Each method waits until the robot has
-    responded to its gRPC call, at most for the time ``deadline`` [s].  If a call fails, the method
-    raises no error; the returned ``RpcResult`` has the reason.
+    Several threads may use the object at the same time.  A method with a parameter ``deadline``
+    makes a gRPC call, and waits for the response for at most this time [s].  If the call fails,
+    the method raises no error; the returned ``RpcResult`` has the reason.
 
     :param address: the network address of the robot; the connection is opened by the first call
     """
@@ -94,7 +94,9 @@ class RobotClient:
 
     def set_manual_control(self, enabled: bool, deadline: float) -> RpcResult:
         """
-        Switch manual control, the mode in which the robot follows velocities, on or off.
+        Switch manual control on or off.
+
+        Manual control is the mode in which the robot follows velocities.
 
         :param enabled: true to switch manual control on, false to switch it off
         :param deadline: the longest time to wait for the robot's response [s]
@@ -182,7 +184,8 @@ def _call(method: Callable[..., Any], request: Any, deadline: float) -> tuple[Rp
     :param method: the method of the gRPC stub for this call
     :param request: the request message
     :param deadline: the longest time to wait for the response [s]
-    :returns: the result of the call, and the response message, or None if the call failed
+    :returns: the result of the call, and the response message; None as the message if the call
+        failed
     """
     try:
         response = method(request, timeout=deadline)

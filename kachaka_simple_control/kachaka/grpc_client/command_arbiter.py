@@ -82,9 +82,9 @@ class StreamTimeout:
     """
     A timeout that detects when a publisher no longer sends velocities.
 
-    The timeout is active only while velocities come regularly: at least two velocities were
-    received since the last zero velocity, and each gap between two successive ones was at most
-    0.15 s.  The timeout expires 0.25 s after the last velocity.
+    The timeout expires 0.25 s after the last velocity.  It is active only if velocities come
+    regularly: since the last zero velocity, at least two velocities were received, and no gap
+    between them was longer than 0.15 s.
     """
 
     def __init__(self) -> None:
@@ -93,10 +93,11 @@ class StreamTimeout:
 
     def on_command(self, is_stop: bool, now: float) -> None:
         """
-        Start the timeout again, because a velocity command was received.
+        Restart the timeout, or switch it off if the received command is a zero velocity.
 
-        :param is_stop: whether the command is a zero velocity.  A zero velocity switches the
-            timeout off until two other velocities have been received
+        If it was switched off, it starts again at the second velocity that is not zero.
+
+        :param is_stop: whether the command is a zero velocity
         :param now: the time at which the command was received [s, steady clock]
         """
         if is_stop:
@@ -111,8 +112,8 @@ class StreamTimeout:
         """
         Return the time at which the timeout expires [s, steady clock], or None.
 
-        None means that the timeout is not active, because too few velocities were received, or
-        velocities with gaps that are too long.
+        None means that the timeout is not active: since the last zero velocity, fewer than two
+        velocities were received, or a gap between them was longer than 0.15 s.
         """
         if self._last is None or self._longest is None or self._longest > MAX_STREAM_PERIOD:
             return None
@@ -158,8 +159,8 @@ class LatestCommand:
         """
         Store a new velocity command for the robot.
 
-        A command that is not zero replaces the stored command.  A zero velocity removes the stored
-        command, and a stop must then be sent next.
+        A velocity that is not zero replaces the stored command.  A zero velocity removes the
+        stored command, and ``take_stop()`` then returns true.
 
         :param command: the new command
         """
@@ -171,10 +172,12 @@ class LatestCommand:
 
     def requeue(self, command: VelocityCommand) -> None:
         """
-        Store a velocity command again that the robot has refused, so that it is sent once more.
+        Store a refused velocity command again, so that it is sent once more.
 
-        :param command: the command; it is not stored if a newer command has been received, or if
-            ``clear()`` was called after it was received
+        The command is not stored if ``put()``, ``request_stop()`` or ``clear()`` was called after
+        the command was first stored.
+
+        :param command: the command, which the robot has refused
         """
         if command is self._newest:
             self._motion = command
@@ -205,10 +208,10 @@ class LatestCommand:
 
     def has_motion(self, now: float) -> bool:
         """
-        Return whether a velocity command is stored that may be sent now.
+        Return whether there is a stored velocity command, and it can be sent now.
 
-        No stored command may be sent before a requested stop has been sent.  If the stored command
-        is too old, it is dropped.
+        If a stop is requested, the stop must be sent first.  A stored command that is too old is
+        dropped.
 
         :param now: the current time [s, steady clock]
         """
@@ -218,10 +221,10 @@ class LatestCommand:
 
     def take_motion(self, now: float) -> VelocityCommand | None:
         """
-        Remove and return the stored velocity command, or return None if it may not be sent now.
+        Remove and return the stored velocity command, if it can be sent now.
 
-        None is also returned if no command is stored.  The stored command may not be sent if it is
-        too old, or if a requested stop must be sent first.
+        None is returned if no command is stored, if the command is too old, or if a requested stop
+        must be sent first.
 
         :param now: the current time [s, steady clock]
         """
@@ -266,16 +269,16 @@ class CommandArbiter:
     Decides which gRPC calls to make for the velocities that are received.
 
     The class makes no calls itself: ``next_request()`` returns a call, and ``on_response()`` gets
-    its result.  A motion, which is a velocity that is not zero, is sent only when no other call is
-    in progress.  A stop is sent at once, even if a motion call is in progress.  The stop is then
-    sent again after the motion call, unless a newer motion waits, because the robot may have
-    received the motion after the first stop.
+    its result.  A stop is a zero velocity; a motion is any other velocity.  A motion is sent only
+    when no other call is in progress.  A stop is sent at once, even if a motion call is in
+    progress.  The robot can then receive the stop before the motion.  So after the motion call,
+    the stop is sent again, unless a newer motion waits.
 
     After a fault, motions are blocked until the publisher of the velocities sends a zero velocity,
-    or nothing for 1 s.  A fault is a lost connection, a refused call, three late responses in a
-    row, or a suspension of this process.  If a motion is refused because manual control, the mode
-    in which the robot follows velocities, is off, this is not a fault: manual control is enabled,
-    and the motion is sent again.
+    or sends nothing for 1 s.  A fault is a lost connection, a refused call other than a stop,
+    three motion calls in a row without a response in time, or a suspension of this process.  One
+    refusal is no fault: the robot refuses a motion while its manual control is off.  Manual
+    control is then enabled, and the motion is sent again.
 
     :param command_timeout: how long the robot follows a velocity if it receives no new one [s]
     """
@@ -310,9 +313,8 @@ class CommandArbiter:
         """
         Return the time at which to call ``next_request()`` again [s, steady clock], or None.
 
-        If no velocity is received before this time, a stop must be sent at this time.  None means
-        that ``next_request()`` must be called again only after a command or a response is
-        received.
+        A stop is due at this time, unless a velocity is received earlier.  None means that
+        ``next_request()`` must be called again only after a command or a response is received.
         """
         return self._stream.end
 
@@ -385,7 +387,8 @@ class CommandArbiter:
         """
         Drop all waiting velocities, stop the robot if it may be moving, and ignore new velocities.
 
-        This ends when the publisher of the velocities sends a zero velocity, or nothing for 1 s.
+        New velocities are ignored until their publisher sends a zero velocity, or sends nothing
+        for 1 s.
         """
         self.is_blocked = True
         self.cancel_motion()

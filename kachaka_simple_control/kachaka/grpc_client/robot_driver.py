@@ -62,15 +62,15 @@ class RobotDriver:
     Sends velocities to a robot over gRPC, in worker threads.
 
     A ``CommandArbiter`` decides which gRPC call to make next.  Several threads may use the object
-    at the same time.  No velocity is sent before the robot has responded to another gRPC call,
-    because only then the connection is known to work.
+    at the same time.  Velocities are sent only after the robot has responded to a gRPC call of
+    another kind, for example to a request for its errors.
 
     :param client: the object that makes gRPC calls to the robot
     :param command_timeout: how long the robot follows a velocity if it receives no new one [s]
     :param texts: the names and explanations of the robot's error codes
     :param log: called with a level and a text for the log; must not block
-    :param on_abort: called with the reason if a motion is aborted, because the robot refuses to
-        move or does not respond; must not block
+    :param on_abort: called if a motion is aborted because the robot refuses to move or does not
+        respond; its argument is the reason; must not block
     """
 
     def __init__(
@@ -120,7 +120,9 @@ class RobotDriver:
 
     def set_manual_control(self, enabled: bool) -> RpcResult:
         """
-        Switch manual control, the mode in which the robot follows velocities, on or off.
+        Switch manual control on or off.
+
+        Manual control is the mode in which the robot follows velocities.
 
         Wait up to 3 s for the robot's response.  Before manual control is switched off, all
         waiting velocities are dropped, because such a velocity would switch manual control on
@@ -164,10 +166,10 @@ class RobotDriver:
 
     def close(self) -> None:
         """
-        Stop the robot if it may be moving, and disconnect from it, within 2 s.
+        Stop the robot if it may be moving, and disconnect from it.
 
         Manual control, the mode in which the robot follows velocities, is switched off if this
-        object has switched it on.
+        object has switched it on.  This method takes at most 2 s.
         """
         with self._changed:
             self._is_over = True
