@@ -271,7 +271,7 @@ class Document:
         """
         Add a problem to the list ``problems``.
 
-        Nothing is added if a problem with the same value was already found while the YAML text was
+        Nothing is added if the value at ``path`` already had a problem when the YAML text was
         parsed.
 
         :param path: the keys and list indices that lead to the wrong value
@@ -289,11 +289,11 @@ class Document:
 
     def add_error(self, path: KeyPath, error: InvalidMotionError) -> None:
         """
-        Add a problem for values that a class has rejected, for example values out of range.
+        Add the problem that an error describes, for example a value out of range.
 
-        :param path: the keys and list indices that lead to the mapping that contains the values
-        :param error: the error that the class has raised; its ``name`` is the key of the wrong
-            value, or None if the problem is about the whole mapping
+        :param path: the keys and list indices that lead to the mapping that contains the value
+        :param error: the error; its ``name`` is the key of the wrong value, or None if the error
+            is about the whole mapping
         """
         self.add_problem(path if error.name is None else [*path, error.name], error.message)
 
@@ -363,8 +363,8 @@ def did_you_mean(word: str, known: Mapping[str, Any] | list[str]) -> str:
 
     :param word: the unknown word
     :param known: a list of the known words, or a mapping from each known word to its JSON Schema.
-        A schema may contain a list ``synonyms``; if the unknown word is in this list, the known
-        word of the schema is suggested
+        If the schema of a known word lists the unknown word under ``synonyms``, this known word
+        is suggested
     """
     parts = known if isinstance(known, Mapping) else {}
     near = next((name for name, part in parts.items()

@@ -48,7 +48,9 @@ def library() -> list[str]:
 
 def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
     """
-    Read a motion that comes with the package, given its name, or a motion file, given its path.
+    Read a motion by its name or by the path of its file.
+
+    Only the motions that come with the package have a name.
 
     :param name_or_path: a text without dots and slashes is a name; any other value is a path
     :returns: the motion, with the other contents of its file
@@ -70,7 +72,7 @@ def names_in(folder: str) -> list[str]:
 def look_up(
         name_or_path: str | os.PathLike[str], folder: str, known: list[str]) -> tuple[str, str]:
     """
-    Read a file that comes with the package, given its name, or any file, given its path.
+    Read a file of this package by its name, or any file by its path.
 
     :param name_or_path: a text without dots and slashes is a name; any other value is a path
     :param folder: the folder of the package in which a name is looked up, for example ``motions``

@@ -66,7 +66,8 @@ class MotionFile:
     :param limits: the limits given in the file, in SI units; the keys are names of fields of
         :class:`~kachaka_simple_control.motion.limits.Limits`
     :param rate: the rate at which to send velocities [Hz]; None if the file gives no rate
-    :param closed_loop: whether to correct velocities from odometry; None if the file does not say
+    :param closed_loop: whether to use odometry to correct the velocities; None if the file does
+        not say
     :param root: the values of the file, with their line numbers; None if the motion was not read
         from a YAML text
     :param text: the text of the file; None if the motion was not read from a YAML text
@@ -96,9 +97,9 @@ class MotionFile:
 
         :param limits: the limits of the robot
         :param robot: the name of the robot in error messages
-        :param closed_loop: whether a part of each limit is reserved for corrections from odometry
-        :returns: the limits for the motion: the limits of the robot, lowered where the file gives
-            a lower limit
+        :param closed_loop: whether odometry will correct the velocities; then the plan can use
+            only a part of each limit, because the rest is reserved for the corrections
+        :returns: for each limit, the smaller of the robot's value and the value in the file
         :raises MotionFileError: if the robot cannot drive the motion, or the file gives a limit
             above that of the robot; the message has a line for each problem
         """
@@ -130,10 +131,10 @@ class MotionFile:
 
     def _tighten(self, limits: Limits) -> Limits:
         """
-        Return the limits of a robot, lowered where the file gives a lower limit.
+        Return for each limit the smaller of the robot's value and the value in the file.
 
-        If the file lowers the forward velocity and gives no backward velocity, the lower limit is
-        valid in both directions.
+        If the file limits the forward velocity and gives no backward velocity, the file's value
+        for the forward velocity also limits the backward velocity.
 
         :param limits: the limits of the robot
         """
@@ -200,7 +201,8 @@ def count(steps: Iterable[Step]) -> int:
     """
     Count the steps of a motion; a step in a loop counts as often as it is driven.
 
-    The loop itself, a step of the class ``Repeat``, counts as one more step.
+    The loop, a step of the class ``Repeat``, also counts as one step.  For example, a loop that
+    drives two steps three times counts as 1 + 3 * 2 = 7 steps.
 
     :param steps: the steps
     """
@@ -257,7 +259,7 @@ def _read(document: Document, source: str) -> MotionFile:
 
 def _robot(name_or_path: str | None, source: str) -> str | None:
     """
-    Return the robot that a motion file names, as a name or as the path of a robot profile.
+    Return the name of a motion file's robot, or the path of the robot's profile.
 
     A relative path in the file starts at the folder of the motion file, so the path of this folder
     is put before it.

@@ -103,8 +103,8 @@ class RobotProfile:
         Return the limits for planning a motion.
 
         A calibration changes the planned velocities before they are sent.  The returned limits are
-        so low that the changed velocities still keep the limits of the robot.  Without a
-        calibration they are the limits of the robot.
+        so low that the changed velocities are still within the robot's limits.  Without a
+        calibration, the robot's limits are returned.
         """
         limits = self.limits
         for calibration in (self.calibration, self.odometry_calibration):
@@ -116,7 +116,7 @@ class RobotProfile:
         """
         Return the delay with which the robot follows a velocity command [s].
 
-        The closed loop, which corrects velocities from odometry, needs this delay.
+        The closed loop, which uses odometry to correct the velocities, needs this delay.
 
         :raises UsageError: if the delay was not measured, or the robot has no odometry
         """
@@ -202,7 +202,9 @@ def robots() -> list[str]:
 
 def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
     """
-    Read a robot profile that comes with the package, given its name, or a file, given its path.
+    Read a robot profile by the name of the robot or by the path of the profile file.
+
+    Only the robots whose profiles come with the package can be given by name.
 
     :param name_or_path: a text without dots and slashes is a name; any other value is a path
     :raises RobotFileError: if there is no such robot, or the file cannot be read
@@ -219,10 +221,10 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
 
 def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) -> str:
     """
-    Return the text of a robot's profile file after a calibration is added to it.
+    Add a calibration to a robot profile, and return the new text of the profile file.
 
-    The other keys in the file do not change.  For a robot that is given by name, the text is a new
-    profile that extends the profile of this robot.
+    The file is not written.  The other keys in the text do not change.  If the robot is given by
+    name, the text is a new profile that extends the robot's profile.
 
     :param robot: the name of a robot that comes with the package, or the path of a profile file
     :param calibration: the calibration to add; an earlier calibration of the same type is replaced
@@ -254,10 +256,10 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
 
 def _without(key: str, lines: list[str]) -> list[str]:
     """
-    Return the lines of a YAML file after a key and the lines nested below it are removed.
+    Remove a key and the lines nested below it from a YAML text; return the other lines.
 
-    :param key: a key of the outermost mapping in the file
-    :param lines: all lines of the file
+    :param key: a key of the outermost mapping in the text
+    :param lines: all lines of the text
     """
     start = next((number for number, line in enumerate(lines)
                   if re.match(f'["\']?{key}["\']?\\s*:', line)), None)

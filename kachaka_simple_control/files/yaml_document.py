@@ -158,7 +158,7 @@ def resolve(word: str) -> bool | int | float | str | None:
 
     :param word: the word as written in the file
     :raises ScalarError: if the word is a number that is not finite, has more than MAX_NUMBER
-        characters, or has a leading zero, because some YAML parsers read 010 as the octal number 8
+        characters, or has a leading zero (some YAML parsers read 010 as the octal number 8)
     """
     if word in _WORDS:
         return _WORDS[word]
