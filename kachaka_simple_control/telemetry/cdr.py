@@ -44,7 +44,7 @@ class CdrWriter:
     """
     Writes data in plain little-endian CDR, the format in which DDS transmits messages.
 
-    Each number starts at a multiple of its own size.
+    The position of each number in the message is a multiple of the number's size in bytes.
     """
 
     def __init__(self) -> None:

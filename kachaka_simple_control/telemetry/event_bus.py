@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Pass the events of a drive to displays and recorders in a separate thread.
+Use a separate thread to pass the events of a drive to displays and recorders.
 
 So a slow or faulty display or recorder does not delay the drive.
 """
@@ -72,8 +72,8 @@ class _Call:
         """
         Return the next reader that must be called with the event, and remove it from the list.
 
-        :returns: the reader; None if all readers have got the event, or if another thread calls
-            the remaining readers, because one reader takes too long
+        :returns: the reader; None if no reader is left.  If one reader takes too long, another
+            thread calls the remaining readers, and None is returned too
         """
         with self.lock:
             if self.is_abandoned or not self.readers:
@@ -84,9 +84,11 @@ class _Call:
 
 class EventBus:
     """
-    Calls all readers, which are functions, with each event, in a separate thread.
+    Passes events to readers; a reader is a function that is called with each event.
 
-    ``publish`` only puts an event into a queue, so a slow reader cannot delay a drive or a stop.
+    ``publish`` only puts an event into a queue, and a separate thread calls the readers.  So a
+    slow reader cannot delay a drive or a stop.
+
     A reader that raises an error is detached: it gets no more events.  If more than MAX_WAITING
     events wait in the queue, the slowest reader is detached.  The drive and the other readers
     continue.  ``bool(bus)`` is True if the bus has readers.
@@ -200,8 +202,8 @@ class EventBus:
         Call each reader with an event.
 
         :param call: the event, and the readers that have not got it yet
-        :returns: True if all readers have got the event; False if another thread calls the
-            remaining readers, because one reader takes too long
+        :returns: True if this thread has called all readers; False if one reader took too long, so
+            that another thread calls the remaining readers
         """
         self._call = call
         while (reader := call.next_reader()) is not None:
@@ -216,9 +218,9 @@ class EventBus:
         """
         Detach the slowest reader, so that it gets no more events.
 
-        If this reader still handles an event, the thread of the bus must wait for it.  Then a new
-        thread replaces the thread of the bus.  The new thread passes this event to the remaining
-        readers, and then all later events to all readers that are left.
+        If this reader still handles an event, the thread of the bus is blocked, and a new thread
+        takes its place at once.  The new thread passes this event to the readers that have not got
+        it yet, and then passes all later events to all readers that are not detached.
         """
         call, now = self._call, time.monotonic()
         if call is None:

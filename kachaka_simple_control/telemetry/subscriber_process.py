@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Send events over pipes from the process that drives to processes that show or record them."""
+"""Send the events of a drive over pipes to other processes, which show or record the events."""
 
 from __future__ import annotations
 
@@ -116,17 +116,17 @@ def decode(stream: BinaryIO) -> Iterator[Any]:
 
 class SubscriberProcess:
     """
-    Starts another process, and sends events to it over a pipe.
+    Starts a child process, and sends events to it over a pipe.
 
-    The other process belongs to its own POSIX session, so Ctrl+C does not reach it.  When this
-    process ends, the pipe is closed, so the other process detects the end.  Sending does not block
-    while the robot moves.  If the other process has ended or reads too slowly, no more events are
-    sent to it.
+    The child process belongs to its own POSIX session, so Ctrl+C does not reach it.  When the
+    parent process ends, the pipe is closed, so the child process detects the end.  Sending does
+    not block while the robot moves.  If the child process has ended or reads too slowly, no more
+    events are sent to it.
 
     :param command: the command to run; it reads events from its standard input
     :param stdout: the file for the standard output of the command; None for the standard output of
-        this process
-    :param pass_fds: the file descriptors of this process that the other process inherits
+        the parent process
+    :param pass_fds: the file descriptors of the parent process that the child process inherits
     """
 
     def __init__(
@@ -152,11 +152,12 @@ class SubscriberProcess:
 
     def send(self, event: Event) -> None:
         """
-        Send an event to the process, without waiting while the robot moves.
+        Send an event to the process.
 
         If the pipe is full or the process has ended, no more events are sent, and ``failure`` says
-        why.  ``SessionStarted``, ``MotionPlanned`` and an event that needs several writes are not
-        sent while the robot moves, so they may wait up to PLAN_WRITE_TIMEOUT for room in the pipe.
+        why.  Most events do not wait for room in the pipe.  Only ``SessionStarted``,
+        ``MotionPlanned`` and an event that needs several writes wait, for at most
+        PLAN_WRITE_TIMEOUT; these events are not sent while the robot moves.
 
         :param event: the event
         """
@@ -276,8 +277,8 @@ class SubscriberProcesses:
         """
         Send ``SessionEnded``, the last event, to all processes, and wait until they have exited.
 
-        The wait for each process ends after FINISH_TIMEOUT, or earlier if a signal ends the
-        program.
+        The wait for each process takes at most FINISH_TIMEOUT.  If a signal ends the program, it
+        takes at most FINISH_TIMEOUT_WHEN_STOPPED.
 
         :param kind: not used
         :param error: the error that ended the ``with`` block; None if the block ended without an
