@@ -43,16 +43,16 @@ class RobotTakenError(RobotNotFoundError):
 
 class MotionRefusedError(ControlError):
     """
-    A motion may not start now, or was ended early.
+    A motion is not allowed to start now, or was ended early.
 
-    For example, a motion may not start after a signal, during another motion, or in a callback of
-    the node.
+    For example, no motion is allowed to start after a signal, during another motion, or in a
+    callback of the node.
     """
 
 
 class MotionRunningError(MotionRefusedError):
     """
-    A motion may not start, because another thread of this program drives the robot.
+    A motion cannot start, because another thread of this program drives the robot.
 
     The motion of the other thread continues.
     """
@@ -64,7 +64,7 @@ class MotionStoppedError(MotionRefusedError):
 
 class RobotMovedError(MotionRefusedError):
     """
-    A paused motion may not be resumed, because the robot was moved during the pause.
+    A paused motion was not resumed, because the robot was moved during the pause.
 
     The motion stays paused.
     """
@@ -98,7 +98,7 @@ HELD_UP_ADVICE = (
 
 
 class PauseTimeoutError(RunFaultError):
-    """A motion was paused for too long and was ended; other programs may now drive the robot."""
+    """A motion was paused for too long and was ended; other programs can now drive the robot."""
 
 
 class InvalidMotionError(ControlError, ValueError):
@@ -135,7 +135,7 @@ class InvalidMotionError(ControlError, ValueError):
 
     def by(self, whose: str) -> InvalidMotionError:  # noqa: ARG002 (LimitError uses it)
         """
-        Return the error unchanged; only the subclass ``LimitError`` names the owner of a limit.
+        Return the error unchanged; only the message of a ``LimitError`` says whose limit it is.
 
         :param whose: not used
         """
@@ -150,11 +150,11 @@ class LimitError(InvalidMotionError):
     :param unit: the unit of the value and of the limits
     :param highest: the highest allowed value
     :param lowest: the lowest allowed value; None if there is no lower limit
-    :param whose: the owner of the limit, for the message, for example ``the robot's``
+    :param whose: whose limit it is, as written in the message, for example ``the robot's`` in
+        ``above the robot's limit``
     :param note: the end of the message, which says for which motion the limit is valid, for
         example ``backwards``; empty for any motion
-    :param name: the name of the value; None if the path of the value, which ``at`` sets, contains
-        the name
+    :param name: the name of the value; None if the path that ``at`` sets contains the name
     """
 
     def __init__(
@@ -179,9 +179,10 @@ class LimitError(InvalidMotionError):
 
     def by(self, whose: str) -> LimitError:
         """
-        Return a copy of the error whose message names another owner of the limit.
+        Return a copy of the error with a new value of ``whose``.
 
-        :param whose: the new owner, for example ``the robot's``
+        :param whose: whose limit it is, as written in the message, for example ``the robot's`` in
+            ``above the robot's limit``
         """
         return self._changed(self.path, whose)
 

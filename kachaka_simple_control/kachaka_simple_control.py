@@ -82,8 +82,8 @@ class KachakaSimpleControl(Node):
     :ivar node_parameters: the values of the node's parameters
     :ivar event_bus: passes the events of each drive, such as sent velocities, to displays and logs
     :ivar session: the connection with the robot, for internal use in this package
-    :ivar commander: the functions that services and keys call to pause, resume and stop, for
-        internal use in this package
+    :ivar commander: the functions that ROS services and the keyboard call to pause, resume and
+        stop; for internal use in this package
     :ivar publisher: the publisher of velocities, for inspection only; its ``publish()`` always
         raises an error
     """
@@ -246,8 +246,8 @@ class KachakaSimpleControl(Node):
         Resume a paused motion; any thread may call this method.
 
         :param even_if_moved: whether to resume even if the robot was moved during the pause
-        :raises ControlError: if no motion may start now, or the robot was moved by more than 2 cm
-            or 2 degrees; the motion stays paused
+        :raises ControlError: if no motion is allowed to start now, or the robot was moved by more
+            than 2 cm or 2 degrees; the motion stays paused
         """
         self.commander.resume(even_if_moved)
 
@@ -256,9 +256,9 @@ class KachakaSimpleControl(Node):
         """
         Return the speed of the robot relative to the planned speed, from 0 to 1.
 
-        The value is the product of several factors.  One of them is set with this property: a
-        value from 0.01 to 1, to drive the same path more slowly.  Another is 0 during a pause.
-        Any thread may set this property.
+        Set a factor from 0.01 to 1 to drive the same path more slowly.  Any thread may do this.
+        The returned value is the product of the set factor and other factors; for example, it is
+        0 during a pause.
         """
         return self.session.speed_factor.value
 
@@ -310,9 +310,10 @@ class KachakaSimpleControl(Node):
 
     def _delay(self, driven: Plan) -> str:
         """
-        Return a text with the duration of the last drive; an empty text if it ended in time.
+        Return the duration of the last drive as a part of a log message.
 
-        The text is a part of a log message.
+        The text is empty if the drive was at most one period plus MAX_LATENESS longer than
+        planned.
 
         :param driven: the plan of the drive
         """
@@ -394,8 +395,8 @@ class _SignalHandler:
         """
         Stop the robot after an uncaught exception, and refuse all later motions.
 
-        The reason: other threads may still drive the robot.  But a ``MotionRunningError`` stops
-        nothing: it says that a motion of another thread goes on.
+        The reason is that another thread can still be driving the robot.  A ``MotionRunningError``
+        is ignored, because the motion of the other thread must continue then.
 
         :param error: the exception
         """
@@ -414,7 +415,9 @@ def _discard_if_stopped() -> None:
 
 def play_lesson(robot_control: KachakaSimpleControl) -> None:
     """
-    Drive the lesson's seven movements: forward, left and right, with a rest around each.
+    Drive forward, turn left and turn right; stand still for 1 s before and after each.
+
+    This makes seven movements: these three, and standing still four times.
 
     The lesson is defined only here.  The options ``--plan`` and ``--list`` and the report read the
     movements from this function.

@@ -78,10 +78,10 @@ def _message(error: Exception, name: str) -> str:
 
 def _line_of_lesson(error: Exception) -> str:
     """
-    Return where in the lesson, the function ``play_lesson``, an error was raised.
+    Return the line of the function ``play_lesson`` in which an error was raised.
 
     :param error: the error
-    :returns: the place as ``file:line``; an empty text if the error was not raised in the lesson
+    :returns: the place as ``file:line``; an empty text if the error was not raised there
     """
     frames = traceback.extract_tb(error.__traceback__)
     return next((escaped(location(frame.filename, frame.lineno), MAX_LINE_LENGTH)
