@@ -415,9 +415,9 @@ def _discard_if_stopped() -> None:
 
 def play_lesson(robot_control: KachakaSimpleControl) -> None:
     """
-    Drive forward, turn left and turn right; stand still for 1 s before and after each.
+    Drive the lesson's seven movements: forward, left and right, with a rest around each.
 
-    This makes seven movements: these three, and standing still four times.
+    A rest, in which the robot stands still for 1 s, also counts as a movement.
 
     The lesson is defined only here.  The options ``--plan`` and ``--list`` and the report read the
     movements from this function.
