@@ -132,8 +132,8 @@ class RobotDrive:
     thread may use ``end`` and ``progress``.
 
     :param gate: the velocity gate, the only object that publishes velocities
-    :param monitor: sends heartbeats, corrects velocities, and raises an error if a fault must end
-        the run
+    :param monitor: the object that sends heartbeats, corrects velocities, and raises an error if a
+        fault must end the run
     :param speed_factor: the speed of the robot relative to its plan
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     """

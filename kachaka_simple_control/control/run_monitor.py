@@ -220,12 +220,13 @@ class RunMonitor:
     error.  The thread that drives the robot calls the methods after each message, and at least
     every CHECK_PERIOD.  Each call is short.
 
-    :param guardian: receives the heartbeats; it stops the robot if they do not come
-    :param lease: renews manual control, the mode in which the robot accepts velocities; None for a
-        robot without this mode
-    :param robot: checks the robot in the ROS graph
-    :param others: detects velocities that other programs send to the robot
-    :param odometry: detects from odometry whether the robot stands still
+    :param guardian: the object that receives the heartbeats; it stops the robot if they do not
+        come
+    :param lease: the object that renews manual control, the mode in which the robot accepts
+        velocities; None for a robot without this mode
+    :param robot: the object that checks the robot in the ROS graph
+    :param others: the object that detects velocities that other programs send to the robot
+    :param odometry: the object that detects from odometry whether the robot stands still
     :param timeouts: how long odometry may be silent, and how long a run may be paused
     :param speed_factor: the speed of the robot relative to its plan, from 0 to 1
     """

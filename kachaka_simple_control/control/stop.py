@@ -48,7 +48,8 @@ def send_stop(
     slow or frozen may still have older velocities in its queue.  The messages push these out of
     the queue.
 
-    :param send_zero: publishes one zero velocity; returns False to end the stop early
+    :param send_zero: a function that publishes one zero velocity; returns False to end the stop
+        early
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
@@ -76,11 +77,12 @@ class StopController:
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     :param guardian: the interface to a separate process that stops the robot if this program
         cannot; it gets a report before each zero velocity, and at the end of the stop
-    :param still_moving: returns True if the stop must continue, because odometry shows motion or
-        is lost
+    :param still_moving: a function that returns True if the stop must continue, because odometry
+        shows motion or is lost
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
-    :param publish: puts an event, for logs and displays, into a queue, and returns at once
+    :param publish: a function that puts an event, for logs and displays, into a queue, and returns
+        at once
     """
 
     def __init__(

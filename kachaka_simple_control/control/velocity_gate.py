@@ -107,15 +107,15 @@ class VelocityGate:
     publishes under one lock.  So after a stop has sent its first zero velocity, no thread can send
     another velocity of the stopped drive.
 
-    :param transmit: publishes a velocity
+    :param transmit: a function that publishes a velocity
     :param limits: the robot's limits; a velocity beyond them is never published
     :param latch: after this flag is set, only zero velocities are published
     :param sending: a flag that is set while a DDS call runs
     :param clock: the steady clock [s]
     :param gap_clock: the clock for the time between two messages [s]; it also counts while the
         machine is suspended
-    :param command: converts a wanted velocity to the velocity that is sent, according to the
-        calibration
+    :param command: a function that converts a wanted velocity to the velocity that is sent,
+        according to the calibration
     """
 
     def __init__(

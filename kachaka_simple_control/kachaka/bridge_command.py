@@ -149,8 +149,8 @@ def _bridge(
 
     :param options: the parsed command line options
     :param parameters: the parameters of the simulated robot; not used for a real robot
-    :param fault: ends the program; used if a motion of a real robot is aborted and the option
-        ``--give-up`` is set
+    :param fault: a function that ends the program; used if a motion of a real robot is aborted and
+        the option ``--give-up`` is set
     :returns: the function; it has the keyword arguments ``namespace``, ``frame_prefix`` and
         ``on_conflict`` of the node
     :raises ExitError: if the SDK of the real robot is not installed

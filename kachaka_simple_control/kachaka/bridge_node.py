@@ -64,8 +64,9 @@ class BridgeNode(Node):
     simulated robot.
 
     :param namespace: the ROS namespace of the topics and the service
-    :param on_conflict: called if another bridge that uses the same topic names is discovered after
-        this node was created; its argument is a text that describes the other bridge
+    :param on_conflict: a function that is called if another bridge that uses the same topic names
+        is discovered after this node was created; its argument is a text that describes the other
+        bridge
     :raises RobotTakenError: if another bridge already uses the same topic names
     :raises UsageError: if a name is invalid, or if remapping gives two topics or two services of
         the node the same name
@@ -183,8 +184,9 @@ class SimulatedBridge(BridgeNode):
     :param robot: the simulated robot
     :param namespace: the ROS namespace of the topics and the service
     :param frame_prefix: a text before the frame names in odometry; no separator is added
-    :param on_conflict: called if another bridge that uses the same topic names is discovered after
-        this node was created; its argument is a text that describes the other bridge
+    :param on_conflict: a function that is called if another bridge that uses the same topic names
+        is discovered after this node was created; its argument is a text that describes the other
+        bridge
     :raises RobotTakenError: if another bridge already uses the same topic names
     """
 

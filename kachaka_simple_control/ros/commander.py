@@ -91,8 +91,8 @@ class Commander:
         Create a ROS service of the type ``std_srvs/Trigger`` that calls a function.
 
         :param name: the name of the service, before remapping
-        :param function: called for each request; returns the text for the response, or raises a
-            ControlError to refuse the request
+        :param function: a function that is called for each request; returns the text for the
+            response, or raises a ControlError to refuse the request
         :returns: the full name of the service, after remapping
         """
         service = self._node.create_service(
@@ -297,8 +297,9 @@ def _service(function: Callable[[], str]) -> Callable[
     """
     Return a callback for a ``std_srvs/Trigger`` service; the callback calls a function.
 
-    :param function: returns the text for the response.  If it raises a ControlError, the text of
-        this error is sent instead, and the field ``success`` of the response is False
+    :param function: a function that returns the text for the response.  If it raises a
+        ControlError, the text of this error is sent instead, and the field ``success`` of the
+        response is False
     """
     def respond(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request

@@ -104,8 +104,10 @@ class PublisherThread:
     :param node: the node that gets the publishers of the debug topics
     :param velocities: the publisher of the velocities that move the robot; its topic must not be
         used as a debug topic
-    :param may_publish: returns whether messages may be sent now; otherwise they are dropped
-    :param on_error: called with the publisher and the error if a message could not be sent
+    :param may_publish: a function that returns whether messages may be sent now; otherwise they
+        are dropped
+    :param on_error: a function that is called with the publisher and the error if a message could
+        not be sent
     """
 
     def __init__(
@@ -148,7 +150,8 @@ class PublisherThread:
         If MAX_QUEUE messages already wait in the queue, drop the message.
 
         :param publisher: the publisher that will send the message
-        :param serialize: returns the serialized message; called later, in the thread that sends it
+        :param serialize: a function that returns the serialized message; the thread that sends the
+            message calls it later
         """
         if self._queue.qsize() < MAX_QUEUE:
             self._queue.put((publisher, serialize))
@@ -281,7 +284,8 @@ class DiagnosticsPublisher(DebugTopic):
     Publishes a diagnosis of the drive when ``publish`` is called and there are subscribers.
 
     :param robot: a text with the name of the robot and its velocity topic
-    :param diagnose: returns the current diagnosis; None if there is nothing to publish
+    :param diagnose: a function that returns the current diagnosis; None if there is nothing to
+        publish
     :raises ImportError: if diagnostic_msgs is not installed
     """
 

@@ -120,8 +120,8 @@ def with_qos_overrides(
     Create a publisher or subscription whose QoS can be changed with ROS parameters.
 
     :param create: creates the publisher or subscription with the given ``QoSOverridingOptions``
-    :param check: checks a QoS and returns whether it is allowed; None to check only the depth of
-        the queue
+    :param check: a function that checks a QoS and returns whether it is allowed; None to check
+        only the depth of the queue
     :returns: the publisher or subscription
     :raises UsageError: if a parameter sets a QoS that is not possible or not allowed
     """

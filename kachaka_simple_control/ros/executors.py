@@ -52,7 +52,8 @@ class BackgroundExecutor:
     callbacks at that time.
 
     :param node: the node whose callbacks are run
-    :param on_error: called in the background thread with an exception that a callback has raised
+    :param on_error: a function that is called in the background thread with an exception that a
+        callback has raised
     """
 
     def __init__(self, node: Node, on_error: Callable[[BaseException], None]) -> None:
@@ -111,7 +112,7 @@ def spin_until_stopped(
     Return when ``spin`` returns without an error, or when the ROS context is shut down.
 
     :param spin: runs callbacks, like ``spin`` of an rclpy executor; called again after each error
-    :param on_error: called with each exception that a callback has raised
+    :param on_error: a function that is called with each exception that a callback has raised
     """
     while (error := _error_of(spin)) is not None:
         on_error(error)
@@ -222,7 +223,7 @@ class SubscriptionExecutor:
     :param node: the node that has the subscription
     :param subscription: the subscription; it has a callback group of its own, which no other
         executor serves
-    :param on_message: called with each message, the oldest message first
+    :param on_message: a function that is called with each message, the oldest message first
     :param raw: whether ``on_message`` gets serialized messages (bytes) instead of message objects
     """
 

@@ -45,13 +45,14 @@ class ForeignMessages:
 
     :param node: the node of this program that publishes velocities
     :param publisher: the velocity publisher of this node
-    :param other_publishers: returns the names of the nodes of other programs that have a publisher
-        on the velocity topic
-    :param is_latched: returns whether the guardian has stopped the robot.  The guardian is a
-        separate process that stops the robot if this program cannot.  After such a stop, zero
-        velocities are ignored, because they come from the guardian
-    :param on_message: called in the executor's thread for each velocity from another program,
-        except while ``detect`` waits; gets a text that describes the other program
+    :param other_publishers: a function that returns the names of the nodes of other programs that
+        have a publisher on the velocity topic
+    :param is_latched: a function that returns whether the guardian has stopped the robot.  The
+        guardian is a separate process that stops the robot if this program cannot.  After such a
+        stop, zero velocities are ignored, because they come from the guardian
+    :param on_message: a function that is called in the executor's thread for each velocity from
+        another program, except while ``detect`` waits; gets a text that describes the other
+        program
     """
 
     def __init__(
@@ -103,7 +104,8 @@ class ForeignMessages:
 
         The time is FOREIGN_CHECK_TIME.  If no other program has a velocity publisher, do not wait.
 
-        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :param check: a function that is called repeatedly while waiting; it may raise an exception
+            to end the wait
         :returns: whether such a velocity has arrived during the wait, or up to 1 s before it
         """
         if not self.update():
@@ -118,7 +120,8 @@ class ForeignMessages:
         """
         Check before a drive that no other program sends velocities to the robot.
 
-        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :param check: a function that is called repeatedly while waiting; it may raise an exception
+            to end the wait
         :raises RobotTakenError: if another program sends velocities to the robot
         """
         if self.detect(check):

@@ -66,8 +66,8 @@ class GuardianNode:
     The name of its node begins with ``_``, so that ROS tools hide it.
 
     :param domain: the number of the ROS domain
-    :param on_participant: called with the identifier of the node's DDS participant, before any
-        velocity publisher is created on the node
+    :param on_participant: a function that is called with the identifier of the node's DDS
+        participant, before any velocity publisher is created on the node
     """
 
     def __init__(self, domain: int, on_participant: Callable[[bytes], None]) -> None:

@@ -93,7 +93,8 @@ class IntrospectionPublishers:
         Start to publish the debug topics; the first message is a speed factor of 1, full speed.
 
         :param event_bus: passes on the events of the drives, from which most messages are made
-        :param status_reader: reads the state of the connection with the robot, for the diagnostics
+        :param status_reader: the object that reads the state of the connection with the robot, for
+            the diagnostics
         """
         self._status_reader = status_reader
         for handler in (*self._always, self._handle):

@@ -71,7 +71,8 @@ class ManualControlClient:
 
     :param node: the node that calls the service
     :param service: the name of the service; None for a robot that needs no manual control
-    :param check: called repeatedly while waiting; it may raise an exception to end the wait
+    :param check: a function that is called repeatedly while waiting; it may raise an exception to
+        end the wait
     :param timeout: how long manual control stays on after a request [s]
     """
 

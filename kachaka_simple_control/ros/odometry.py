@@ -42,8 +42,8 @@ class OdometryReader:
 
     :param node: the node that has the subscription
     :param subscription: the subscription to odometry, in a callback group of its own
-    :param on_frame: called with the name of the frame of the poses, before the first pose in this
-        frame
+    :param on_frame: a function that is called with the name of the frame of the poses, before the
+        first pose in this frame
     """
 
     def __init__(
@@ -61,11 +61,12 @@ class OdometryReader:
         """
         Start the thread that receives odometry.
 
-        :param on_odometry: called in this thread for each message, with the time of arrival [s on
-            the steady clock], the pose, the velocity, and whether the message is new.  It is new
-            if its time stamp is later than the stamp of the previous message, or is not set
-        :param on_error: called in this thread with each exception that ``on_odometry`` or
-            ``on_frame`` raises
+        :param on_odometry: a function that is called in this thread for each message, with the
+            time of arrival [s on the steady clock], the pose, the velocity, and whether the
+            message is new.  It is new if its time stamp is later than the stamp of the previous
+            message, or is not set
+        :param on_error: a function that is called in this thread with each exception that
+            ``on_odometry`` or ``on_frame`` raises
         """
         self._on_odometry, self._on_error = on_odometry, on_error
         self._thread.start()
@@ -102,8 +103,8 @@ def subscribe_to_odometry(
 
     :param node: the node that gets the subscription
     :param names: the names of the robot's topics and services, before remapping
-    :param on_frame: called with the name of the frame of the poses, before the first pose in this
-        frame
+    :param on_frame: a function that is called with the name of the frame of the poses, before the
+        first pose in this frame
     :returns: the object that receives odometry after its method ``start`` is called; None if there
         is no subscription
     :raises UsageError: if a ROS parameter sets an invalid QoS

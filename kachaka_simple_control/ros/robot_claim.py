@@ -73,8 +73,9 @@ class RobotClaim:
     :param topic: the velocity topic of the robot, after remapping
     :param role: ``driver`` to be the only program that drives the robot, or ``bridge`` to be the
         only program that connects the robot with ROS
-    :param on_conflict: called in the executor's thread with a text that describes another program,
-        for each message which shows that this other program has the claim as well
+    :param on_conflict: a function that is called in the executor's thread with a text that
+        describes another program, for each message which shows that this other program has the
+        claim as well
     """
 
     def __init__(
@@ -107,7 +108,8 @@ class RobotClaim:
         claim, or ``withdraw`` to cancel the request.  If this object has the claim already, this
         method only checks that no other program has it.
 
-        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :param check: a function that is called repeatedly while waiting; it may raise an exception
+            to end the wait
         :raises RobotTakenError: if another program, or another node of this program, has the
             claim; the message says who has it
         """
@@ -175,8 +177,8 @@ class _NetworkClaim:
 
     :param node: the node that gets the publisher and the subscription
     :param topic: the topic of the claims on this robot
-    :param on_conflict: called with a text that describes another program, if that program and this
-        program hold the claim at the same time
+    :param on_conflict: a function that is called with a text that describes another program, if
+        that program and this program hold the claim at the same time
     """
 
     def __init__(self, node: Node, topic: str, on_conflict: Callable[[str], None]) -> None:
@@ -205,7 +207,8 @@ class _NetworkClaim:
         Request the claim on the robot from other programs, and wait until it is clear who gets it.
 
         :param who: a text that describes this program
-        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :param check: a function that is called repeatedly while waiting; it may raise an exception
+            to end the wait
         :returns: None if this program gets the claim; otherwise a text that describes the program
             that gets the claim or has it already
         """

@@ -65,7 +65,7 @@ class RobotConnection:
     velocities for some time, so that no message of the motion is lost.
 
     :param odometry_topic: the odometry topic of the robot; None if odometry is not checked
-    :param odometry: detects from odometry whether the robot moves
+    :param odometry: the object that detects from odometry whether the robot moves
     :param is_taken: whether all steps above were done; False again after a drive that ended early
     """
 
@@ -92,7 +92,8 @@ class RobotConnection:
         accepts velocities.  If this program already has control, do nothing, with one exception:
         request manual control again if the last request was at least 20 s ago.
 
-        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :param check: a function that is called repeatedly while waiting; it may raise an exception
+            to end the wait
         :raises ControlError: if this program cannot get control of the robot
         """
         self.executor.ensure_spinning()
@@ -154,7 +155,8 @@ class RobotConnection:
         not sufficient for this check, because the other program can be discovered some seconds
         later than the robot.  If no odometry arrives, nothing is checked.
 
-        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :param check: a function that is called repeatedly while waiting; it may raise an exception
+            to end the wait
         :raises RobotTakenError: if odometry shows motion for REST_TIMEOUT (1 s)
         """
         topic, began = self.odometry_topic, time.monotonic()
@@ -189,7 +191,8 @@ class RobotConnection:
         The ROS parameter ``prime_time`` says how long the zero velocities are sent.  The guardian,
         a separate process that stops the robot if this program cannot, also sends them.
 
-        :param check: called repeatedly; it may raise an exception to end this method
+        :param check: a function that is called repeatedly; it may raise an exception to end this
+            method
         :raises RunFaultError: if the guardian does not send its zero velocities
         """
         end, count = time.monotonic() + self.parameters.prime_time, self.guardian.prime_count
@@ -255,9 +258,10 @@ def wait_for_rest(
     A closed loop corrects the velocities with the poses from odometry.
 
     :param feedback: the closed loop, which receives the poses
-    :param odometry: detects from odometry whether the robot moves
+    :param odometry: the object that detects from odometry whether the robot moves
     :param name: how error messages call the odometry
-    :param check: called repeatedly while waiting; it may raise an exception to end the wait
+    :param check: a function that is called repeatedly while waiting; it may raise an exception to
+        end the wait
     :raises MotionRefusedError: if FEEDBACK_START_TIMEOUT (3 s) has passed, and odometry still
         shows motion, has time stamps that do not change, or has not arrived
     """

@@ -77,8 +77,8 @@ class RobotDiscovery:
         """
         Accept only a robot that has a given DDS participant.
 
-        :param participant: returns the identifier of this DDS participant; None while it is not
-            known, and then no robot is accepted
+        :param participant: a function that returns the identifier of this DDS participant; None
+            while it is not known, and then no robot is accepted
         """
         self._required_participant = participant
 
@@ -87,7 +87,8 @@ class RobotDiscovery:
         Wait until a robot is found in the ROS graph and can be driven.
 
         :param timeout: how long to wait [s]
-        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :param check: a function that is called repeatedly while waiting; it may raise an exception
+            to end the wait
         :raises RobotNotFoundError: if no robot can be driven after the timeout; the message says
             what is missing
         """
@@ -101,7 +102,8 @@ class RobotDiscovery:
         The guardian is a separate process that stops the robot if this program cannot.
 
         :param timeout: how long to wait [s]
-        :param check: called repeatedly while waiting; it may raise an exception to end the wait
+        :param check: a function that is called repeatedly while waiting; it may raise an exception
+            to end the wait
         :raises RobotNotFoundError: if this takes longer than the timeout
         """
         if not wait_until(

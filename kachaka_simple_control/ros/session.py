@@ -76,8 +76,9 @@ class Session:
     :param profile: the description of the kind of robot
     :param names: the names of the robot's topics and services, before remapping
     :param parameters: the values of the node's ROS parameters
-    :param publish: puts an event into a queue, for displays and recordings, and returns at once
-    :param reader: receives odometry; None if there is no odometry
+    :param publish: a function that puts an event into a queue, for displays and recordings, and
+        returns at once
+    :param reader: the object that receives odometry; None if there is no odometry
     """
 
     def __init__(
@@ -403,8 +404,8 @@ class Session:
         A program that has started a simulated robot or a bridge uses this method, so that it
         drives only this robot.
 
-        :param participant: returns the identifier of the DDS participant; None while it is not
-            known
+        :param participant: a function that returns the identifier of the DDS participant; None
+            while it is not known
         """
         self._discovery.require_participant(participant)
 

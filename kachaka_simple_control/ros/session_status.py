@@ -65,9 +65,10 @@ class StatusReader:
     :param drive: drives the robot, and knows the progress of the newest motion
     :param discovery: finds the robot and other programs in the ROS graph
     :param guardian: the guardian, a separate process that stops the robot if this program cannot
-    :param odometry: receives odometry, and knows the age of the newest message
+    :param odometry: the object that receives odometry, and knows the age of the newest message
     :param manual_control: the client that makes the robot accept velocities
-    :param stopped_by: returns why no motion can start again; None if motions can start
+    :param stopped_by: a function that returns why no motion can start again; None if motions can
+        start
     """
 
     def __init__(

@@ -44,8 +44,8 @@ class _Reader:
     A reader of events: a function that is called with each event, for example to record it.
 
     :param handle: the function that is called with each event
-    :param on_detached: called with the reason when the reader is detached, which means that it
-        gets no more events
+    :param on_detached: a function that is called with the reason when the reader is detached,
+        which means that it gets no more events
     :param busy: the total run time of ``handle`` since the queue of events was last empty [s]
     """
 
@@ -93,8 +93,8 @@ class EventBus:
     events wait in the queue, the slowest reader is detached.  The drive and the other readers
     continue.  ``bool(bus)`` is True if the bus has readers.
 
-    :param on_detached: called when a reader is detached, with a text that names the reader and the
-        reason
+    :param on_detached: a function that is called when a reader is detached, with a text that names
+        the reader and the reason
     """
 
     def __init__(self, on_detached: Callable[[str], None] = lambda _: None) -> None:
@@ -122,8 +122,9 @@ class EventBus:
         Add a reader: a function that is called with each event from now on.
 
         :param handler: the function
-        :param on_detached: called with the reason if the handler gets no more events, because it
-            has raised an error or is too slow; the output of the handler is then incomplete
+        :param on_detached: a function that is called with the reason if the handler gets no more
+            events, because it has raised an error or is too slow; the output of the handler is
+            then incomplete
         """
         with self._lock:
             self._readers = (*self._readers, _Reader(handler, on_detached))

@@ -93,10 +93,11 @@ class GrpcBridge(BridgeNode):
     :param robot: the connected robot
     :param namespace: the ROS namespace of the topics and the service
     :param frame_prefix: a text before the frame names in odometry; no separator is added
-    :param give_up: called if a motion is aborted because the robot refuses to move or does not
-        respond; its argument is the reason
-    :param on_conflict: called if another bridge that uses the same topic names is discovered after
-        this node was created; its argument is a text that describes the other bridge
+    :param give_up: a function that is called if a motion is aborted because the robot refuses to
+        move or does not respond; its argument is the reason
+    :param on_conflict: a function that is called if another bridge that uses the same topic names
+        is discovered after this node was created; its argument is a text that describes the other
+        bridge
     :raises RobotTakenError: if another bridge already uses the same topic names
     """
 

@@ -68,9 +68,9 @@ class RobotDriver:
     :param client: the object that makes gRPC calls to the robot
     :param command_timeout: how long the robot follows a velocity if it receives no new one [s]
     :param texts: the names and explanations of the robot's error codes
-    :param log: called with a level and a text for the log; must not block
-    :param on_abort: called if a motion is aborted because the robot refuses to move or does not
-        respond; its argument is the reason; must not block
+    :param log: a function that is called with a level and a text for the log; must not block
+    :param on_abort: a function that is called if a motion is aborted because the robot refuses to
+        move or does not respond; its argument is the reason; must not block
     """
 
     def __init__(
@@ -392,11 +392,12 @@ class OdometryPoller(Poller):
     :param fetch: a function that waits for new odometry.  Its arguments are the cursor of the last
         odometry message, a number that identifies the message, and the longest time to wait [s].
         It returns the result and the response of the gRPC call
-    :param is_wanted: returns whether the odometry topic has a subscriber; if not, no odometry is
-        requested
-    :param publish: called with each new odometry message of the robot
-    :param on_result: called with the result and the start time of each gRPC call; not called after
-        a timeout, because a timeout gives no information about the connection
+    :param is_wanted: a function that returns whether the odometry topic has a subscriber; if not,
+        no odometry is requested
+    :param publish: a function that is called with each new odometry message of the robot
+    :param on_result: a function that is called with the result and the start time of each gRPC
+        call; not called after a timeout, because a timeout gives no information about the
+        connection
     """
 
     def __init__(
@@ -452,8 +453,8 @@ class HealthPoller(Poller):
 
     :param client: the object that makes gRPC calls to the robot
     :param robot: the driver, which gets the results of the calls
-    :param log: called with a level and a text for the log
-    :param on_poll: called without arguments after each call
+    :param log: a function that is called with a level and a text for the log
+    :param on_poll: a function that is called without arguments after each call
     """
 
     def __init__(
