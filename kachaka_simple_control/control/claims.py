@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Claims on a robot: while one program holds the claim, no other program drives the robot.
+Claims on a robot: only the program that holds the claim drives the robot.
 
-A ``MachineClaim`` is valid for the programs on one machine.  ``Claims`` holds the claims that
-programs on several machines publish.
+A ``MachineClaim`` works between the programs on one machine.  ``Claims`` stores the claims that
+programs on all machines publish.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ def _address(name: str) -> bytes:
 
 def _holder(address: bytes) -> tuple[str, int, bool]:
     """
-    Ask the program that holds a claim on this machine to describe itself.
+    Ask the holder of a claim, a program on this machine, to describe itself.
 
     :param address: the address of the Unix socket that the holder has bound
     :returns: the description of the holder, its process number, and whether it answered in time.
@@ -195,7 +195,7 @@ def _serve(server: socket.socket, who: str) -> None:
 @dataclass(frozen=True)
 class Claim:
     """
-    A claim on a robot, as a program publishes it to other programs, also on other machines.
+    A claim on a robot, in the form in which a program publishes it on the network.
 
     :param participant: the DDS participant of the program, in hexadecimal digits
     :param state: RELEASED (the program does not want the robot), WANTED (it requests the robot) or

@@ -54,7 +54,7 @@ class Closers:
             self._closers[close] = closer
 
     def remove(self, close: Close) -> None:
-        """Remove a close function without calling it, because the robot is already closed."""
+        """Remove a close function without calling it, because its robot was already released."""
         closer = self._closers.pop(close, None)
         if closer is not None:
             closer.is_wanted.put(False)

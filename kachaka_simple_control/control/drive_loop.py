@@ -90,8 +90,8 @@ class DriveLoop:
     sends the first zero velocity itself.
 
     :param clock: the steady clock [s]
-    :param sleep: a function that sleeps for a time [s]; None to use a ``Sleeper``, whose sleep
-        ``wake`` can end early
+    :param sleep: a function that sleeps for a time [s]; None to use a ``Sleeper``.  The method
+        ``wake`` can end only the sleep of a ``Sleeper`` early
     """
 
     def __init__(
@@ -119,9 +119,9 @@ class DriveLoop:
         Drive one or more robots until all drives have ended.
 
         Before this call, begin each drive with ``RobotDrive.begin``.  After this call, even if it
-        raised an error, send the complete stop to each robot: zero velocities until the command
-        timeout of the robot has passed.  If there are several drives, this method sends one zero
-        velocity at once to the robot of each drive that an error ends.
+        raised an error, send zero velocities to each robot until the command timeout of the robot
+        has passed.  If there are several drives, and an error ends one or all of them, this method
+        sends one zero velocity at once to the robot of each ended drive.
 
         :param drives: the drives, one for each robot
         :param on_failure: a function that is called in this thread with a drive and the error that
@@ -194,9 +194,11 @@ def old_objects_frozen() -> Iterator[None]:
     Exclude all objects that exist now from garbage collection during a ``with`` block.
 
     The reason: the garbage collector takes 150 ms to search a million objects (measured), and no
-    other code of the process runs in this time.  Blocks of one thread or of several threads may
-    overlap: the first block excludes the objects, and the end of the last block restores the
-    settings that the collector had before.
+    other code of the process runs in this time.
+
+    Several such blocks may overlap, in one thread or in several threads.  The objects are excluded
+    when the first block begins.  The collector gets its earlier settings back when the last block
+    ends.
     """
     global _runs  # noqa: PLW0603 (as the collector itself)
     with _lock:

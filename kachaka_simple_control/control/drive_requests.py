@@ -15,8 +15,9 @@
 Accept or refuse requests to drive a robot, and requests to resume a paused drive.
 
 Only one drive is accepted at a time.  A request to drive that comes at almost the same time as a
-request to stop is refused.  A request to resume may be refused with a warning; a later request to
-resume can confirm this warning.  A stop cancels a requested drive even before the robot moves.
+request to stop is refused.  A request to resume may be refused with a warning.  To resume in spite
+of the warning, the user repeats the request.  A stop cancels a requested drive even before the
+robot moves.
 """
 
 from __future__ import annotations
@@ -38,15 +39,15 @@ from kachaka_simple_control.errors import ControlError, MotionRefusedError, Moti
 @dataclass
 class DriveRequest:
     """
-    An accepted request to drive, with the state of this drive until its end.
+    An accepted request to drive the robot, and what has happened since this request.
 
     :param run: the permission to send the velocities of this drive; a stop cancels it, even before
         the drive has begun
     :param thread: the identifier of the thread that requested the drive
     :param ended: when the drive was complete [s on the steady clock]; None before that time, or if
         the drive ended early
-    :param stopped_by: an error that describes the stop, if another thread has stopped the robot
-        since this request; None if no other thread has
+    :param stopped_by: if another thread has stopped the robot since this request, an error that
+        describes the stop; otherwise None
     """
 
     run: Run
@@ -59,9 +60,9 @@ class DriveRequests:
     """
     Accepts or refuses requests to drive, so that only one drive is under way at a time.
 
-    A stop also ends a series of movements.  If a thread requests a movement within one period
-    after its previous movement was complete, and another thread has stopped the robot since the
-    request for the previous movement, the new request is refused.
+    A stop also ends a series of movements.  In a series, one thread requests each movement within
+    one period after its previous movement was complete.  If another thread stops the robot between
+    two movements of a series, the second of these movements is refused.
 
     :param gate: the velocity gate, the only object that publishes velocities; it creates a run,
         the permission to send velocities, for each drive
@@ -117,13 +118,14 @@ class DriveRequests:
 
     def on_stop(self, reason: ControlError) -> None:
         """
-        Record that this thread stops the robot, unless it requested the newest drive itself.
+        Record that the calling thread stops the robot, so that a series of movements ends.
 
-        Call this before the drive is cancelled.  A thread that stops its own drive is allowed to
-        drive again at once, so such a stop is not recorded.
+        Call this before the drive is cancelled.  A thread may stop its own drive, and then drive
+        again at once.  So if the calling thread has requested the newest drive itself, nothing is
+        recorded.
 
-        :param reason: the error that ``accept`` raises if a movement is requested right after the
-            stop
+        :param reason: the error that ``accept`` raises if the thread of the newest drive requests
+            its next movement right after the stop
         """
         newest = self._newest
         # A thread that stops its own drive may drive again.
@@ -137,13 +139,14 @@ class DriveRequests:
 
 class ResumeConfirmation:
     """
-    Decides whether a request to resume a paused drive confirms a warning.
+    Decides whether a paused drive may be resumed in spite of a warning.
 
-    A request to resume is refused with a warning if somebody moved the robot during the pause.  A
-    later request confirms the newest warning if it comes within RESUME_CONFIRM_TIMEOUT after the
-    warning, and at least RESUME_QUIET_TIME after the previous request.  So requests that follow
-    each other quickly, for example while a key is held down, confirm nothing.  Each warning can be
-    confirmed only once.  Any thread may call the methods.
+    A request to resume is refused with a warning if somebody moved the robot during the pause.  To
+    resume all the same, the user repeats the request.  The repeated request must come within
+    RESUME_CONFIRM_TIMEOUT after the newest warning, and at least RESUME_QUIET_TIME after the
+    request before it.  So if a key is held down, the requests that follow each other quickly stay
+    refused.  After a warning, only one repeated request is accepted.  Any thread may call the
+    methods.
 
     :param clock: the steady clock [s]
     """
@@ -155,9 +158,10 @@ class ResumeConfirmation:
 
     def on_request(self) -> bool:
         """
-        Record a request to resume a paused drive, and check whether it confirms a warning.
+        Record a request to resume a paused drive, and decide whether it overrides a warning.
 
-        :returns: whether the request confirms the newest warning, so that the drive may be resumed
+        :returns: True if the request was repeated at the right time after a warning, so that the
+            drive may be resumed in spite of the warning
         """
         with self._lock:
             now = self._clock()
@@ -172,7 +176,7 @@ class ResumeConfirmation:
         """
         Record that a request to resume was refused with a warning.
 
-        A later request to resume can confirm this warning.
+        After this, ``on_request`` can allow a repeated request.
         """
         with self._lock:
             self._warned = self._clock()

@@ -102,8 +102,8 @@ class MotionStarted:
     A run, which is one drive of a robot, begins; its first velocity follows this event.
 
     :param time: when the first velocity of the run is due, called t = 0 [s on the steady clock]
-    :param has_plan: True if the run drives the motion of the newest ``MotionPlanned`` event; False
-        if it drives velocities that a caller commands directly, without a plan
+    :param has_plan: True if the velocities of the run come from the plan of the newest
+        ``MotionPlanned`` event; False if a caller commands them directly, without a plan
     """
 
     time: float
@@ -111,7 +111,7 @@ class MotionStarted:
 
 
 class VelocityKind(Enum):
-    """Why a velocity was sent: for a plan, by a direct command, before a drive, or for a stop."""
+    """The purpose of a velocity message, for example to drive a plan or to stop the robot."""
 
     #: a velocity of a plan, as planned or under a speed factor
     PLAN = 'plan'
@@ -147,8 +147,9 @@ class VelocitySent:
         plan]; None without a plan
     :param skipped: how many velocities directly before this one were not sent, because they were
         too late
-    :param expected: the velocity that the robot really has after this message, according to its
-        calibration; None if this is equal to ``velocity``
+    :param expected: the velocity with which the robot is expected to move after this message.  It
+        is computed from the calibration of the robot, and not measured.  None if it is equal to
+        ``velocity``
     """
 
     time: float
@@ -196,9 +197,9 @@ class StopConfirmed:
     """
     All zero velocities of a stop were sent, and odometry shows that the robot does not move.
 
-    If the robot has no odometry, the second condition is left out.
+    If the robot has no odometry, the event only says that all zero velocities were sent.
 
-    :param time: when these conditions were true for the first time [s on the steady clock]
+    :param time: when the program noticed this [s on the steady clock]
     """
 
     time: float
@@ -246,8 +247,8 @@ class MotionEnded:
     :param time: when the program noticed the end [s on the steady clock].  If the motion was
         complete, a zero velocity was sent just before this time
     :param reason: why the motion ended early; None if it was complete
-    :param is_fault: whether an error ended the motion early; False if somebody requested the end.
-        Without meaning if the motion was complete
+    :param is_fault: True if an error ended the motion early; False if somebody requested the end.
+        The value has no meaning if the motion was complete
     """
 
     time: float

@@ -63,10 +63,10 @@ class SharedByte:
 
 class Latch(SharedByte):
     """
-    A flag that blocks all later motion of a node once it is set; it cannot be cleared.
+    A flag that limits a node to zero velocities once it is set; it cannot be cleared.
 
     The node shares the latch with its guardian, a separate process that stops the robot if the
-    node cannot.  The latch also stores when the guardian began its stop.
+    node cannot.  The latch also stores when the guardian began to stop the robot.
 
     :param memory: ``Latch.SIZE`` writable bytes, 0 at the start; None to use memory of this
         process only
@@ -81,7 +81,7 @@ class Latch(SharedByte):
 
     def trip(self, stop_time: float = 0.0) -> None:
         """
-        Set the latch, a flag that blocks all later motion of the node.
+        Set the latch; from now on the node can send only zero velocities to the robot.
 
         :param stop_time: when the guardian, a separate process, began to stop the robot [s on the
             steady clock]; 0 if the node itself stops the robot
@@ -127,8 +127,8 @@ class RobotSlot:
     The guardian is a separate process that stops the robot if the node cannot.
 
     :param memory: the slot: ``RobotSlot.SIZE`` writable bytes
-    :ivar latch: a flag that blocks all later motion of the node; the guardian sets it before it
-        sends the first zero velocity of its stop
+    :ivar latch: a flag; once it is set, the node can send only zero velocities.  When the guardian
+        stops the robot, it sets this flag before it sends its first zero velocity
     :ivar sending: a flag that is set while the node waits in a call to DDS
     """
 
@@ -183,7 +183,7 @@ class GuardianMemory:
         """
         Return how often the guardian has checked the heartbeats of all robots, modulo 256.
 
-        The guardian is a separate process.  If the count does not change, this process is frozen.
+        The guardian is a separate process.  If the count does not change, the guardian is frozen.
         """
         return self._memory[0]
 
@@ -226,10 +226,10 @@ class NullGuardian:
 
     def prime(self) -> None:
         """
-        Add 1 to ``prime_count``, as if a guardian had published a zero velocity.
+        Add 1 to ``prime_count``, although nothing is published.
 
-        The caller waits until ``prime_count`` has reached the number of its calls.  Without a
-        guardian process nothing is published.
+        In the class ``Guardian``, this attribute is the number of zero velocities that the
+        guardian has published on request.  The caller waits for this number.
         """
         self.prime_count += 1
 
@@ -243,9 +243,10 @@ class Guardian:
     """
     The node's interface to the guardian, for one robot.
 
-    The guardian is a separate process.  It stops the robot if the node ends, or no longer sends
-    heartbeats, before the node has reported a complete stop.  It also sets the latch, a flag that
-    blocks all later motion of the node.
+    The guardian is a separate process.  It watches the node from the first heartbeat of a drive
+    until the node has reported the end of the stop.  If the node ends or is silent for too long in
+    this time, the guardian stops the robot.  It also sets the latch: a flag that then limits the
+    node to zero velocities.
 
     :param process: the guardian process, which guards all robots of the node
     :param number: the number of the slot, the part of the shared memory that belongs to the robot
@@ -280,8 +281,8 @@ class Guardian:
         """
         Return the DDS participants of the guardian, which is a separate process.
 
-        If its publisher does not discover a robot in time, the guardian creates another ROS node,
-        with another participant.
+        There may be several.  If the guardian does not discover a robot in time, it creates one
+        more ROS node, which has its own participant.
         """
         return self._process.participants
 
@@ -291,8 +292,8 @@ class Guardian:
         Return the descriptor of the memory shared with the guardian, and the robot's slot number.
 
         The slot is the part of this memory that belongs to the robot.  From this slot, another
-        process can read when the guardian began to stop the robot.  The value is None after the
-        guardian process has ended.
+        process can read when the guardian began to stop the robot.  After the guardian process has
+        ended, this property is None.
         """
         file = self._process.shared_file
         return None if file is None else (file, self.number)
@@ -347,8 +348,8 @@ class Guardian:
         """
         End the guardian's work for this robot, and wait until it can no longer send to the robot.
 
-        The guardian is a separate process.  If the node has not reported a complete stop since the
-        last drive, the guardian first stops the robot.
+        The guardian is a separate process.  If ``report_stopped`` was not called after the last
+        drive, the guardian first stops the robot.
         """
         self._process.remove(self)
 
@@ -385,7 +386,7 @@ class GuardianProcess:
     The guardian stops robots if the node cannot.  It runs in its own session (``setsid``), so
     Ctrl+C does not reach it.  The messages go through a pipe.  When the node ends, the pipe
     closes, and the guardian notices this.  A forked child process of the node closes its copy of
-    the pipe at once, because an open copy would hide the end of the node.
+    the pipe at once.  If it kept the copy open, the guardian would not notice the end of the node.
 
     :param command: the command that starts the guardian.  Three file descriptors are added as its
         last arguments: the pipe for messages, the socket for descriptions of robots, and the file

@@ -120,8 +120,8 @@ def has_room(descriptor: int, timeout: float = 0.0) -> bool:
 
     :param descriptor: the file descriptor of the output
     :param timeout: how long to wait [s]
-    :returns: whether a write would not block; also True if nobody reads the output any longer,
-        because then a write fails at once
+    :returns: True if a write would not block.  This includes an output that nobody reads any
+        longer, because a write to it fails at once
     """
     poll = select.poll()
     poll.register(descriptor, select.POLLOUT)
@@ -270,10 +270,10 @@ def _replace_stream(descriptor: int) -> None:
 @contextlib.contextmanager
 def print_only_on_success() -> Iterator[None]:
     """
-    Hold back text for standard error during a ``with`` block, also text from C code of ROS.
+    Hold back text for standard error during a ``with`` block.
 
-    If the block succeeds, the text is printed at its end.  If the block raises an error, the text
-    is dropped.
+    This includes text from the C code of ROS.  If the block succeeds, the text is printed at its
+    end.  If the block raises an error, the text is dropped.
     """
     sys.stderr.flush()
     try:

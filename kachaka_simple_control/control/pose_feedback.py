@@ -133,8 +133,8 @@ class PoseFeedback:
 
         :param arrived: when the odometry message arrived [s on the steady clock]; the pose is
             ignored if this is not later than the arrival of the previous pose
-        :param pose: the pose as odometry reports it; it is ignored if a coordinate is not finite
-            or too large
+        :param pose: the pose as odometry reports it; it is ignored if a coordinate is NaN,
+            infinite or too large
         :param is_moving: whether odometry shows that the robot moves
         """
         if not (math.isfinite(arrived)
@@ -246,8 +246,8 @@ class PoseFeedback:
         Return the correction, within its bounds, that is added to the planned velocity.
 
         :param tick: the planned velocity, with the time when it is due
-        :param error: the planned pose, seen from the pose of the robot; None if it is unknown, and
-            then the correction is zero
+        :param error: the planned pose, seen from the pose of the robot; None if it is unknown.
+            The correction is then zero
         """
         planned, gain, top = tick.velocity, self._gain, self._top
         if error is None:
@@ -357,8 +357,8 @@ def _reachable(
 
     :param wanted: the wanted velocity
     :param last: the velocity that was sent last
-    :param planned_change: the change from the previous planned velocity to the current one; the
-        same change from ``last`` is allowed, even if it is larger than ``largest_change``
+    :param planned_change: the current planned velocity minus the previous planned velocity; a
+        change of this size from ``last`` is allowed, even if it is larger than ``largest_change``
     :param largest_change: the largest allowed increase or decrease from ``last``
     :param bounds: the smallest and the largest allowed velocity
     """
@@ -369,9 +369,9 @@ def _reachable(
 
 def _rate(acceleration: float, deceleration: float, duration: float) -> float:
     """
-    Return how much a velocity can both increase and decrease in a given time.
+    Return how much a velocity may change in a given time, upwards or downwards.
 
-    This is the smaller acceleration limit, multiplied by the time.
+    This is the smaller of the two acceleration limits, multiplied by the time.
 
     :param acceleration: the limit for an increase [m/s^2] or [rad/s^2]
     :param deceleration: the limit for a decrease, in the same unit

@@ -200,8 +200,8 @@ class RobotDrive:
         :param now: the time [s on the steady clock]
         :returns: the latest time at which this method must be called again [s on the steady
             clock]; None at the end of the run.  At the end one zero velocity has been sent, and
-            the caller has to send the complete stop: zero velocities until the robot's command
-            timeout has passed
+            the caller has to send more zero velocities until the robot's command timeout has
+            passed
         :raises ControlError: if another thread ended the run, or if the run cannot continue
         """
         run, source, gate = self._run, self._source, self.gate
@@ -236,9 +236,10 @@ class RobotDrive:
 
     def on_source_changed(self) -> None:
         """
-        Make ``step`` get the velocity to send from its source at once, before it is due.
+        Make ``step`` ask the source for a velocity at once, even if none is due yet.
 
-        Call this after a new velocity was commanded.  Any thread may call this.
+        The source is the object that was passed to ``begin``.  Call this after the source got a
+        new velocity.  Any thread may call this.
         """
         self._has_source_changed = True
         self.gate.wake()
@@ -247,8 +248,8 @@ class RobotDrive:
         """
         End the current run early, and send one zero velocity at once; any thread may call this.
 
-        The thread that drives the run then raises the error ``reason``.  It also sends the
-        complete stop: zero velocities until the robot's command timeout has passed.
+        After this, the thread that drives the robot raises the error ``reason``.  It also sends
+        more zero velocities until the robot's command timeout has passed.
 
         :param reason: the error that the thread raises
         :returns: True if this call ended the run; False if there was no run, or if another call

@@ -74,8 +74,9 @@ class LeaseRenewer:
 
     Manual control is the mode in which a robot accepts velocities.  The robot grants it for a
     limited time (a lease).  While the robot processes a request for manual control, it processes
-    no velocity.  If this takes longer than its command timeout, the robot stops.  So the request
-    is sent while the robot is at rest, if the plan contains a rest in time.
+    no velocity.  If this takes longer than the robot's command timeout, the robot stops.  So if
+    the plan contains a long enough rest before manual control expires, the request is sent during
+    this rest.
 
     :param request: a function that sends a request, and does not wait for the response
     :param response_timeout: how long a response may take while the robot is driven [s]
@@ -100,10 +101,10 @@ class LeaseRenewer:
 
     def is_stale(self, now: float) -> bool:
         """
-        Return whether manual control is so old that it must be renewed before a drive.
+        Return whether manual control must be requested again before a drive.
 
         Manual control, the mode in which the robot accepts velocities, expires some time after it
-        was requested.
+        was requested.  The value is True from LEASE_RENEW_AT_REST after the last request on.
 
         :param now: the time [s]
         """
@@ -113,9 +114,10 @@ class LeaseRenewer:
         """
         Request manual control again if it will expire soon; call this after each velocity.
 
-        Manual control is the mode in which the robot accepts velocities.  If possible, the request
-        is sent while the planned velocity is zero for long enough to get the response.  If manual
-        control is older than LEASE_RENEW_LATEST, the request is sent even in motion.
+        Manual control is the mode in which the robot accepts velocities.  If possible, the new
+        request is sent at rest: when the planned velocity will be zero until the response arrives.
+        If the last request is older than LEASE_RENEW_LATEST, the new request is sent even in
+        motion.
 
         :param now: the time [s]
         :param rest: how long the planned velocity stays zero from now on [s]; 0 if the robot moves
@@ -262,9 +264,9 @@ class RunMonitor:
         """
         Return the speed of the robot relative to its plan, from 0 to 1.
 
-        A pause, or another source that sets its factor to 0, makes this value 0 and so keeps the
-        robot at rest.  After the end of the pause, the value stays 0 until ``check`` has found
-        that the robot may move again.
+        The value is 0 during a pause, so that the robot stays at rest.  After the end of the
+        pause, the value stays 0 until ``check`` has found that the robot may move again.  All this
+        is also true for any other source of slower speed that sets its factor to 0.
         """
         if self._speed_factor.is_hold:
             self._is_released = False
@@ -320,9 +322,9 @@ class RunMonitor:
         """
         Check that a paused drive may continue.
 
-        The conditions: the robot still subscribes, it was not replaced by another robot, no other
-        robot receives the velocities, and odometry is not silent.  They are also checked before a
-        drive.
+        The robot must still subscribe, and must be the same robot as before.  It must be the only
+        robot that receives the velocities.  Odometry must not be silent.  All this is also checked
+        before a drive.
 
         :raises RunFaultError: if the drive must not continue
         """
@@ -379,12 +381,12 @@ class RunMonitor:
         """
         Allow the robot to move again after a pause, unless somebody moved it during the pause.
 
-        If the robot was moved, it stays at rest until somebody resumes the motion again.  This
-        method calls ``check_resume``, which takes time.  So the thread that drives the robot calls
-        this method, without a lock, and the thread that ends the pause does not wait.
+        If the robot was moved, it stays at rest until somebody resumes the motion again.
 
         :raises RunFaultError: if the drive must not continue
         """
+        # This takes time.  So the thread that drives the robot calls it, without a lock, and the
+        # thread that ends the pause does not wait.
         self.check_resume()
         try:
             self.pause_pose.require_not_moved()

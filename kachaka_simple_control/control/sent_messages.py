@@ -50,8 +50,8 @@ class SentMessages:
         """
         Record that this program asks its guardian to publish a zero velocity.
 
-        The guardian is a separate process that can stop the robot.  The requested message must
-        later not count as a message of another program.
+        The guardian is a separate process that can stop the robot.  When ``consume`` later gets
+        the requested message, it does not treat it as a message of another program.
 
         :param now: the time of the request [s]
         """
@@ -59,21 +59,23 @@ class SentMessages:
 
     def discard_old(self, now: float) -> None:
         """
-        Remove recorded messages that a subscription which begins now can no longer receive.
+        Remove the messages that were sent more than MAX_TRANSIT_TIME ago.
 
-        :param now: the time [s]; messages that were sent more than MAX_TRANSIT_TIME before are
-            removed
+        Call this when a subscription to the velocity topic begins.  The subscription cannot
+        receive such old messages.
+
+        :param now: the time [s]
         """
         while self._sent and now - self._sent[0][0] > MAX_TRANSIT_TIME:
             self._sent.popleft()
 
     def consume(self, data: bytes, is_zero: bool, now: float) -> bool:
         """
-        Check whether this program or its guardian sent a message that was received.
+        Check whether a received message was sent by this program or by its guardian.
 
-        The guardian is a separate process that publishes zero velocities.  If the answer is yes,
-        the message is removed from this record.  If this program itself sent the message, all
-        messages that it sent before are also removed, because they were lost.
+        The guardian is a separate process that publishes zero velocities.  If one of the two sent
+        the message, it is removed from the recorded messages.  If this program itself sent it, all
+        its earlier messages are also removed, because they were lost.
 
         :param data: the received message, serialized
         :param is_zero: whether the message is a zero velocity, which the guardian may have sent

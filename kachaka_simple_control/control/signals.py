@@ -11,7 +11,13 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Handle SIGINT, SIGTERM and SIGHUP: call handlers at once, or wait for one of these signals."""
+"""
+Handle the signals that end a program: SIGINT, SIGTERM and SIGHUP.
+
+A program that drives robots uses ``signal_dispatcher``: after a signal, it calls handlers at once,
+and these stop the robots.  Other programs, such as the simulator, use ``ShutdownEvent``: they wait
+for a signal, and then they end.
+"""
 
 from __future__ import annotations
 
@@ -49,8 +55,8 @@ def wakeup_pipe() -> tuple[int, int]:
 
     Only the main thread may call this.
 
-    :returns: the file descriptor to read from, and the file descriptor to write to, which never
-        blocks
+    :returns: the file descriptor to read from, and the file descriptor to which Python writes; a
+        write never blocks
     """
     reader, writer = os.pipe()
     # Python writes from within the signal handler, which must not wait.
@@ -91,12 +97,14 @@ class SignalDispatcher:
     Calls all registered handlers when a signal ends the program; each process has one object.
 
     Each signal has two effects.  First, a separate thread calls the registered handlers at once,
-    even while the main thread waits in C code.  Second, Python runs the signal handler of this
-    object in the main thread.  This signal handler raises KeyboardInterrupt for SIGINT, as Python
-    does, and SystemExit(128 + N) for another signal with the number N.  So ``finally`` and
-    ``with`` blocks run.  If the program had set its own signal handler before, that handler is
-    called instead.  During SIGNAL_DEBOUNCE after the first signal, further signals do not have the
-    second effect.
+    even while the main thread waits in C code.  Second, an exception is raised in the main thread,
+    so that ``finally`` and ``with`` blocks run.  The exception is KeyboardInterrupt for SIGINT, as
+    usual in Python.  For any other signal it is SystemExit(128 + N), where N is the number of the
+    signal.
+
+    If the program had set its own signal handler before, the second effect is a call of that
+    handler, without an exception.  During SIGNAL_DEBOUNCE after the first signal, further signals
+    have only the first effect.
     """
 
     def __init__(self) -> None:
@@ -310,7 +318,8 @@ def _place(traceback: TracebackType | None) -> str:
     """
     Return the file and line of the user's program in which an error occurred.
 
-    This is the innermost call that is not in this package or in Python's standard library.
+    This is the place of the innermost call in the traceback that is neither in this package nor in
+    Python's standard library.
 
     :param traceback: the traceback of the error
     :returns: a text such as ``drive.py:12: ``; empty if there is no such call
@@ -332,14 +341,15 @@ class ShutdownEvent:
     """
     Waits until the process has to end, because of a signal or for another reason.
 
-    Other reasons are a call of ``end`` and the end of standard input.  Use it as a context manager
-    in the main thread, early in the start of the process.  After that, a signal only ends
-    ``wait``: it does not interrupt other code, and prints no traceback.  A signal that was ignored
-    at the start of the process, for example by ``nohup``, stays ignored.
+    The other reasons are a call of ``end`` and the end of standard input.  Use an object of this
+    class as a context manager in the main thread, early in the start of the process.  In the
+    ``with`` block, a signal makes ``wait`` return.  It does not interrupt other code, and prints
+    no traceback.  A signal that was ignored at the start of the process, for example by ``nohup``,
+    stays ignored.
     """
 
     def __enter__(self) -> ShutdownEvent:
-        """Handle signals from now on until the process ends, so that they only end ``wait``."""
+        """Make a signal end ``wait`` from now on; it no longer interrupts other code."""
         self._reader, self._writer = wakeup_pipe()
         for signum in ENDING_SIGNALS:
             if signal.getsignal(signum) != signal.SIG_IGN:

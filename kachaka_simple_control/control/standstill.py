@@ -146,8 +146,8 @@ class PausePose:
         """
         Return how far somebody has moved the robot in the pause.
 
-        :returns: the distance [m] and the angle [rad], neither negative; 0 and 0 if the robot is
-            not paused, or if its pose in the pause is unknown
+        :returns: the distance [m] and the absolute value of the angle [rad]; 0 and 0 if the robot
+            is not paused, or if its pose in the pause is unknown
         """
         if self._pose is None or self.newest is None:
             return 0.0, 0.0

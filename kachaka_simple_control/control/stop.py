@@ -45,14 +45,14 @@ def send_stop(
     Send zero velocities for a time: the robot's command timeout plus STOP_MARGIN.
 
     The first STOP_BURST_COUNT messages are sent without a pause.  The reason: a reader that was
-    slow or frozen may still have older velocities in its queue.  The messages push these out of
-    the queue.
+    slow or frozen may still have older velocities in its queue.  The zero velocities push them out
+    of the queue.
 
     :param send_zero: a function that publishes one zero velocity; returns False to end the stop
         early
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     :param clock: the steady clock [s]
-    :param sleep: sleeps for a time [s]
+    :param sleep: a function that sleeps for a time [s]
     :returns: True if all zero velocities were sent; False if ``send_zero`` ended the stop early
     """
     end = clock() + command_timeout + STOP_MARGIN
@@ -80,7 +80,7 @@ class StopController:
     :param still_moving: a function that returns True if the stop must continue, because odometry
         shows motion or is lost
     :param clock: the steady clock [s]
-    :param sleep: sleeps for a time [s]
+    :param sleep: a function that sleeps for a time [s]
     :param publish: a function that puts an event, for logs and displays, into a queue, and returns
         at once
     """
@@ -116,13 +116,12 @@ class StopController:
         """
         Stop the newest run, and wait until all zero velocities of the stop were sent.
 
-        A run is one drive of the robot.
+        A run is one drive of the robot.  If ``reason`` is given, this method first ends the newest
+        run: the thread of the run raises ``reason``, and can send no more velocities.
 
-        :param reason: an error, with which this method first ends the newest run; the thread of
-            this run raises the error and can send no further velocity.  None if the run to stop
-            has already ended
-        :param only: the run to stop, if ``reason`` is None; nothing is sent if a newer run has
-            begun
+        :param reason: the error that ends the run; None if the run to stop has already ended
+        :param only: the run to stop; used only if ``reason`` is None.  If a newer run has begun,
+            nothing is sent
         :returns: why the stop could not be sent; None if it was sent now or before, or if a newer
             run has begun
         """
@@ -187,8 +186,8 @@ class StopController:
         The reason: the link to the robot may have lost all zero velocities that were sent before.
 
         :param run: the run that is stopped; if a newer run has begun, nothing more is sent
-        :returns: True if ``still_moving``, the check with odometry, has returned False; otherwise
-            False, after STOP_CONFIRM_TIMEOUT, or if a newer run has begun
+        :returns: True when the function ``still_moving`` has found no motion; False after
+            STOP_CONFIRM_TIMEOUT, or if a newer run has begun
         """
         end = self._clock() + STOP_CONFIRM_TIMEOUT
         while self._still_moving():

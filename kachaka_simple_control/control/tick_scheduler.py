@@ -226,12 +226,15 @@ class _ReplannedTrajectory:
     A plan is a list of steps.  Each step is a list of trajectories, which are parts of the path
     with their timing.
 
+    The unit of ``reached`` is m/s, or rad/s for a turn in place.  For a step that holds a constant
+    velocity for a time, the unit is plan seconds per second: 1 as planned, 0.5 at half the speed.
+
     :param plan: the plan
     :param step: the index of the step that contains the trajectory
     :param number: the index of the trajectory in this step
     :param plan_start: when the trajectory begins in the plan [s after the start of the plan]
-    :param reached: the velocity at the end of the previous trajectory [m/s, rad/s, or plan seconds
-        per second]; 0 if the robot stood still
+    :param reached: the velocity along the path at the end of the previous trajectory; 0 if the
+        robot stood still
     :param state: the position and velocity that are reached in the trajectory; None if the
         trajectory has not begun
     """
@@ -348,11 +351,14 @@ def _velocity_before(plan: Plan, step: int, number: int) -> float:
 
     Trajectories with a duration of 0 are skipped.
 
+    The unit of the velocity is m/s, or rad/s for a turn in place.  For a step that holds a
+    constant velocity for a time, the unit is plan seconds per second: 1 as planned, 0.5 at half
+    the speed.
+
     :param plan: the plan
     :param step: the index of the step that contains the given trajectory
     :param number: the index of the given trajectory in this step
-    :returns: the velocity along the path [m/s, rad/s, or plan seconds per second]; 0 if the robot
-        stands still then
+    :returns: the velocity along the path; 0 if the robot stands still then
     """
     before = [*plan.steps[step].trajectories[:number]]
     while step and not any(trajectory.duration for trajectory in before):

@@ -58,10 +58,10 @@ class Run:
     """
     One drive of a robot, from its request to its end; only the newest run may send velocities.
 
-    :param max_gap: the longest allowed time between two messages [s]; the time in which the
-        program waits for DDS does not count
-    :param command_timeout: the longest allowed time between two messages [s]; the time in which
-        the program waits for DDS counts.  After this time without a message the robot stops by
+    :param max_gap: the longest allowed time between two messages [s], without the time in which
+        the program waits for DDS
+    :param command_timeout: the longest allowed time between two messages [s], including the time
+        in which the program waits for DDS.  After this time without a message the robot stops by
         itself
     """
 
@@ -82,10 +82,11 @@ class Run:
 
 class PortTime:
     """
-    The total time that the driving thread has spent in the DDS calls of all its robots.
+    The total time that one thread has spent in DDS calls, for all robots that it drives.
 
-    While the thread waits in a DDS call for one robot, it cannot send to the other robots.  So
-    this time, up to PUBLISH_TIMEOUT, does not count when the time between two messages is checked.
+    While the thread waits in a DDS call for one robot, it cannot send to its other robots.  So the
+    time between two messages to a robot may be longer by this waiting time, but by no more than
+    PUBLISH_TIMEOUT.
     """
 
     def __init__(self) -> None:
@@ -196,8 +197,8 @@ class VelocityGate:
 
         From now on the previous run can no longer send velocities.
 
-        :param max_gap: the longest allowed time between two messages [s]; the time in which the
-            program waits for DDS does not count
+        :param max_gap: the longest allowed time between two messages [s], without the time in
+            which the program waits for DDS
         :param run: the run that ``prepare`` returned; None for a new run
         :param command_timeout: how long the robot keeps a velocity if no new message arrives [s].
             A longer time between two messages always ends the run, because the robot has then
@@ -293,9 +294,9 @@ class VelocityGate:
 
     def cancel(self, reason: ControlError) -> Run | None:
         """
-        End the newest run, and a prepared run that has not begun; neither can send from now on.
+        End the newest run, and also a run that was prepared but has not begun.
 
-        A run is one drive of the robot.
+        A run is one drive of the robot.  From now on these runs can send no velocities.
 
         :param reason: the error that ``begin``, ``send`` and ``check`` raise for these runs
         :returns: the newest run that has begun; None if no run has begun

@@ -60,14 +60,14 @@ class Watchdog:
     Decides when the guardian must stop the robot, because the node was silent for too long.
 
     The guardian is a separate process.  The node has to send messages to it from the first
-    heartbeat of a run (one drive of the robot) to the last zero velocity of the stop.  After the
-    node has sent its complete stop, the guardian does not stop the robot again.  It stops the
-    robot at most once in each run.
+    heartbeat of a run (one drive of the robot) to the last zero velocity of the stop.  After this
+    zero velocity, the guardian need not stop the robot.  It stops the robot at most once in each
+    run.
 
-    Time without a message counts only while the guardian runs, because a short pause of the whole
-    machine must not end a good run.  The node itself checks the time between its velocities.  Time
-    in which the node waits in a DDS call is counted separately, with the limit PUBLISH_TIMEOUT:
-    one publish call took a third of a second while a node joined the graph (measured).
+    The silence of the node does not include two times.  The first is the time in which the
+    guardian itself could not run, because a short pause of the whole machine must not end a drive.
+    The second is the time in which the node waits in a DDS call.  This time has its own limit,
+    PUBLISH_TIMEOUT.
 
     :param heartbeat_timeout: the longest allowed time without a heartbeat during a run [s]
     """
@@ -76,7 +76,10 @@ class Watchdog:
         self._heartbeat_timeout = heartbeat_timeout
         #: how long the node may be silent after its newest message [s]
         self.allowed = heartbeat_timeout
+        # The time in which the guardian was held up is left out: the node itself checks the time
+        # between its velocities.
         self._silent = 0.0
+        # One publish call took a third of a second while a node joined the graph (measured).
         self._publishing = 0.0
         #: the newest heartbeat in the shared memory [s]
         self._heartbeat = 0.0
@@ -118,12 +121,13 @@ class Watchdog:
 
     def on_disconnect(self) -> bool:
         """
-        End the watch of the robot, because no more messages from the node are processed.
+        End the watch of the robot; call this when no more messages from the node are processed.
 
-        This is so if the node has released the robot, or if the node or the guardian ends.
+        This is the case when the node has released the robot, and when the node or the guardian
+        ends.
 
         :returns: whether the guardian has to stop the robot now, because the node has not reported
-            a complete stop
+            the end of the stop
         """
         must_stop = self._must_stop
         self._must_stop, self._counted = False, None
@@ -138,8 +142,8 @@ class Watchdog:
         :param now: the time [s]
         :param is_publishing: True if the node is not frozen and waits in a DDS call, which may
             take longer than the normal time between two heartbeats
-        :returns: whether the robot must be stopped now; after it was True once, it is False until
-            a new drive begins
+        :returns: whether the robot must be stopped now.  After this value was True once, it is
+            False until a new drive begins
         """
         if self._counted is None:
             return False
@@ -170,8 +174,9 @@ class GuardianWatch:
     """
     Detects, in the node, that its guardian is frozen and no longer checks heartbeats.
 
-    The guardian is a separate process that checks the heartbeats of the node.  Time counts only
-    while the node runs, because a pause of the whole machine holds up both processes.
+    The guardian is a separate process that checks the heartbeats of the node.  The time in which
+    the node itself could not run is not included, because a pause of the whole machine affects
+    both processes.
     """
 
     def __init__(self) -> None:
