@@ -106,8 +106,8 @@ class Commander:
         As soon as this method has returned, a request to stop ends the drive, even if the robot
         does not move yet.
 
-        :param drive: drives the robot; called in the new thread with a DriveRequest, the record
-            through which a stop can end this drive
+        :param drive: a function that drives the robot; it is called in the new thread with a
+            DriveRequest.  A stop is recorded in this object, and so ends the drive
         :returns: a text for the user that says what was done
         :raises ControlError: if the robot may not drive now, for example because another drive is
             under way
@@ -130,12 +130,11 @@ class Commander:
         """
         Start to drive for a ROS client, unless a client has just requested a stop.
 
-        The reason: a client may send a request to start and directly after it a request to stop,
-        and this node may process the two requests in the opposite order.  In this case the robot
-        must not move.
+        The reason: this node sometimes processes two requests in the wrong order.  If a client
+        sends a request to start and then a request to stop, the robot must not move.
 
-        :param drive: drives the robot; called in a new thread with a DriveRequest, the record
-            through which a stop can end this drive
+        :param drive: a function that drives the robot; it is called in a new thread with a
+            DriveRequest.  A stop is recorded in this object, and so ends the drive
         :returns: a text for the client that says what was done
         :raises ControlError: if a stop was requested just before, or the robot may not drive now
         """
@@ -173,8 +172,8 @@ class Commander:
 
         :param even_if_moved: whether to continue even if somebody moved the robot during the
             pause; the rest of the motion then begins where the robot stands now
-        :returns: a text for the user; it says whether the motion continues, was not paused, or is
-            still held at rest for another reason than the pause
+        :returns: a text for the user.  It says that the motion continues, or that it was not
+            paused, or that something other than the pause still keeps the robot at rest
         :raises ControlError: if no motion may start now, or if somebody moved the robot during the
             pause and ``even_if_moved`` is False
         """
@@ -191,12 +190,12 @@ class Commander:
         Continue a paused motion; if somebody moved the robot in the pause, require a second call.
 
         If somebody moved the robot during the pause, the first call raises RobotMovedError, which
-        warns the user.  A second call, 1 s to 10 s after the first call, continues the motion from
-        the place where the robot stands now.
+        warns the user.  If the next call comes 1 s to 10 s later, it continues the motion from the
+        place where the robot stands now.  Otherwise it raises the same error again.
 
         :returns: a text for the user that says what was done
-        :raises RobotMovedError: if the robot was moved, and this is the first call, or a second
-            call at another time
+        :raises RobotMovedError: if the robot was moved, unless the previous call raised this error
+            1 s to 10 s ago
         :raises ControlError: if no motion may start now
         """
         try:
@@ -212,11 +211,12 @@ class Commander:
         Continue a paused motion for a ROS client, unless a client has just requested a stop.
 
         If somebody moved the robot during the pause, the first request is refused with a warning.
-        A second request, 1 s to 10 s after the first request, continues the motion.
+        If the next request comes 1 s to 10 s later, it continues the motion.  Otherwise it is
+        refused as well.
 
         :returns: a text for the client that says what was done
-        :raises ControlError: if a stop was requested just before, no motion may start now, or the
-            robot was moved and this is the first request
+        :raises ControlError: if a stop was requested just before, if no motion may start now, or
+            if the robot was moved and the request is refused with the warning
         """
         self.stop_requests.require_none()
         return self.resume_when_confirmed()
@@ -225,8 +225,9 @@ class Commander:
         """
         Increase or decrease the ROS parameter ``speed_factor`` by one step.
 
-        The parameter is the speed of the robot relative to the plan.  Its new value is at most 1
-        (as planned), and at least the absolute value of the step.
+        The parameter is the speed of the robot relative to the plan; 1 means the planned speed.
+        Its new value is at most 1, and at least as large as one step.  For example, steps of 0.1
+        change it between 0.1 and 1.
 
         :param step: the change of the parameter; a negative step makes the robot slower
         """

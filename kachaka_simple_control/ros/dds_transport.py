@@ -42,15 +42,22 @@ def use_udp_transport() -> None:
     """
     Make Fast DDS use only UDP in this process and its children, unless the user chose a transport.
 
-    The reason: by default, all processes of a machine use the same shared memory of Fast DDS.  A
-    process that was killed leaves its part of this memory locked.  Each time another process
-    discovers a new participant, it waits for the lock for a third of a second, and none of its
-    publishers can send meanwhile.  So a velocity or a stop is sent too late.  The messages of this
-    package are small, so shared memory would not make them faster.
+    Call this function before the first node of a ROS context is created.  It has no effect with
+    the Fast DDS version of Humble, or with another DDS implementation.
 
-    Call this function before the first node of a ROS context is created.  It does not change the
-    transport of Humble's version of Fast DDS, or of another DDS implementation.
+    The reason: with shared memory, a killed process can delay the messages of the other processes
+    on the same machine by a third of a second.  So a velocity or a stop would be sent too late.
     """
+    # By default, all processes of a machine use the same shared memory of Fast DDS.  A process
+    # that was killed leaves its part of this memory locked.  Each time another process discovers a
+    # new participant, this process waits for the lock for a third of a second, and none of its
+    # publishers can send meanwhile.  The messages of this package are small, so shared memory
+    # would not make them faster.
+    #
+    # With udp.xml, a participant announces itself 10 times per second for 5 s, then once per
+    # second.  By default, Fast DDS sends 5 announcements, then one every 3 s.  With this default,
+    # every second or third robot was discovered 3 s late.
+    # benchmarks/experiments/driven_robot.py measures how long a drive takes to start.
     if not _is_transport_chosen():
         _use_profile(UDP)
 
@@ -59,30 +66,25 @@ def use_localhost_only() -> None:
     """
     Limit DDS discovery of this process and its children to this machine.
 
-    Do nothing if the user has set ROS_LOCALHOST_ONLY, or has set ROS_AUTOMATIC_DISCOVERY_RANGE to
-    another value than LOCALHOST.  Call this function before ``rclpy.init``.
+    The reason: a simulated robot has the same ROS names as a real robot, and the real robot must
+    not receive the velocities for the simulated robot.
 
-    The reason for the limit: a simulated robot has the same ROS names as a real robot, and the
-    real robot must not receive the velocities for the simulated robot.
+    Call this function before ``rclpy.init``.  It does nothing if the user has set
+    ROS_LOCALHOST_ONLY, or has set ROS_AUTOMATIC_DISCOVERY_RANGE to another value than LOCALHOST.
 
-    The limit is set by ``loopback.xml``, an XML profile of Fast DDS.  If it cannot be used, an
-    environment variable of ROS sets the limit.  The profile is preferred, because with
-    ``ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`` Fast DDS uses shared memory, and every third new
-    participant is discovered 3 s late.
-
-    With the profile, a participant announces itself 10 times per second for 5 s, then 4 times per
-    second.  It does so by multicast, and by unicast to the first 32 participants of this machine.
-    These are 320 small unicast packets per second for 5 s, then 128 per second.  Nodes with the
-    ROS setting LOCALHOST need the unicast: they receive no multicast, and announce themselves only
-    to these 32 participants.  A larger number would do harm: Fast DDS receives nothing until it
-    has sent all unicast announcements, so the answer of a fast robot is lost.  With 120
-    participants, every answer was lost.
-
-    With ``udp.xml``, the profile for all machines, a participant announces itself 10 times per
-    second for 5 s, then once per second.  By default, Fast DDS sends 5 announcements, then one
-    every 3 s.  With this default, every second or third robot was discovered 3 s late.
-    ``benchmarks/experiments/driven_robot.py`` measures how long a drive takes to start.
+    The limit is set by ``loopback.xml``, an XML profile of Fast DDS.  If this profile cannot be
+    used, an environment variable of ROS sets the limit.
     """
+    # The profile is preferred, because with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST Fast DDS uses
+    # shared memory, and every third new participant is discovered 3 s late.
+    #
+    # With the profile, a participant announces itself 10 times per second for 5 s, then 4 times
+    # per second.  It does so by multicast, and by unicast to the first 32 participants of this
+    # machine.  These are 320 small unicast packets per second for 5 s, then 128 per second.  Nodes
+    # with the ROS setting LOCALHOST need the unicast: they receive no multicast, and announce
+    # themselves only to these 32 participants.  A larger number would do harm: Fast DDS receives
+    # nothing until it has sent all unicast announcements, so the answer of a fast robot is lost.
+    # With 120 participants, every answer was lost.
     if os.environ.get(RANGE, 'LOCALHOST') != 'LOCALHOST' or LOCALHOST_ONLY in os.environ:
         return
     if _is_humble():

@@ -357,20 +357,19 @@ class PlannedPathPublisher(PathTopic):
 
     def on_motion_started(self, event: MotionStarted) -> None:
         """
-        Keep the published path where it is, because the robot moves now.
+        Record that the robot moves now, so that odometry no longer moves the planned path.
 
-        If the path begins at the origin, later poses from odometry do not move it.
+        Before that, the first pose from odometry moves a path that begins at the origin.
         """
         del event
         self._plan_from_origin = None
 
     def on_odometry(self, event: OdometryReceived) -> None:
         """
-        Store the pose from odometry; if the planned path begins at the origin, publish it again.
+        Store the pose from odometry; publish the planned path again if no pose was known before.
 
-        The path begins at the origin if no pose was known when it was published.  The new path
-        begins at the pose from odometry.  If the robot has already begun to move, no new path is
-        published.
+        A path that is published before any pose is known begins at the origin.  The new path
+        begins at the pose from odometry.  It is not published if the robot has begun to move.
 
         :param event: an event with the pose from odometry
         """

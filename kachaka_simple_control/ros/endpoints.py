@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Find out to which DDS participant a publisher or subscription belongs, and handle its QoS.
+Find the DDS participants of publishers and subscriptions, and compare and change their QoS.
 
-The functions for the QoS explain why two QoS profiles do not match, and let ROS parameters change
-the QoS.
+Two functions are about the QoS.  One describes why a publisher and a subscription do not match.
+With the other, ROS parameters can change the QoS of a new publisher or subscription.
 """
 
 from __future__ import annotations
@@ -119,7 +119,8 @@ def with_qos_overrides(
     """
     Create a publisher or subscription whose QoS can be changed with ROS parameters.
 
-    :param create: creates the publisher or subscription with the given ``QoSOverridingOptions``
+    :param create: a function that is called with a ``QoSOverridingOptions`` object; it creates the
+        publisher or subscription with this object, and returns it
     :param check: a function that checks a QoS and returns whether it is allowed; None to check
         only the depth of the queue
     :returns: the publisher or subscription

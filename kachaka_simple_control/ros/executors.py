@@ -44,12 +44,10 @@ class BackgroundExecutor:
     """
     Runs the callbacks of a node in a background thread, unless another executor runs them.
 
-    The constructor starts the thread, and ``ensure_spinning`` adds the node.  The thread starts so
-    early for this reason: since Python 3.12, no thread can start after the main thread has ended,
-    but another thread can still be driving the robot then.
+    The constructor only starts the thread.  Call ``ensure_spinning`` to run the callbacks.
 
-    Call ``stop`` before the program ends.  The Python interpreter aborts if a thread still runs
-    callbacks at that time.
+    Call ``stop`` before the program ends.  If the thread still runs callbacks at the end, the
+    Python interpreter aborts.
 
     :param node: the node whose callbacks are run
     :param on_error: a function that is called in the background thread with an exception that a
@@ -61,6 +59,8 @@ class BackgroundExecutor:
         self._on_error = on_error
         self._executor = SingleThreadedExecutor(context=node.context)
         self._thread = threading.Thread(target=self._run, name='executor', daemon=True)
+        # Started here, because since Python 3.12 no thread can start after the main thread has
+        # ended, and another thread can still be driving the robot then.
         self._thread.start()
 
     def ensure_spinning(self, take_over: bool = False) -> None:
@@ -111,7 +111,8 @@ def spin_until_stopped(
 
     Return when ``spin`` returns without an error, or when the ROS context is shut down.
 
-    :param spin: runs callbacks, like ``spin`` of an rclpy executor; called again after each error
+    :param spin: a function that runs callbacks, like ``spin`` of an rclpy executor; it is called
+        again after each error
     :param on_error: a function that is called with each exception that a callback has raised
     """
     while (error := _error_of(spin)) is not None:
@@ -136,11 +137,10 @@ def _error_of(function: Callable[[], None]) -> BaseException | None:
 
 def wake_main_thread() -> None:
     """
-    Wake the executor of rclpy in which the main thread waits; do nothing if it waits in none.
+    Wake the main thread if it waits in an executor of rclpy, so that it runs signal handlers.
 
-    The reason: Python runs a signal handler only in the main thread, and only between two bytecode
-    instructions.  While the main thread waits in the C++ code of an executor, no signal handler
-    runs.
+    Python runs signal handlers only in the main thread.  It runs none while the main thread waits
+    in the C++ code of an executor.
     """
     for frame in _executor_frames(sys._current_frames().get(threading.main_thread().ident or 0)):
         executor = frame.f_locals.get('self')
@@ -158,15 +158,17 @@ def _executor_frames(frame: FrameType | None) -> Iterator[FrameType]:
 
 def before_shutdown(context: Context, callback: Callable[[], None]) -> None:
     """
-    Make a ROS context call a function each time before it is shut down.
+    Make a ROS context call a function before it is shut down.
 
-    The function is called in the thread that shuts down the context.  ``Context.on_shutdown`` of
-    rclpy is not sufficient: it calls its callbacks after the shutdown, when publishing is no
-    longer possible (ros2/rclpy issue 1077).  So this function replaces the methods ``shutdown``
-    and ``try_shutdown`` of the context.  The new methods first call the function.
+    For this, replace the methods ``shutdown`` and ``try_shutdown`` of the context.  The new
+    methods first call the function, then the original method.
+
+    The reason: ``Context.on_shutdown`` of rclpy calls its callbacks after the shutdown, when
+    publishing is no longer possible (ros2/rclpy issue 1077).
 
     :param context: the context that will be shut down
-    :param callback: the function to call; it may be called more than once
+    :param callback: the function to call.  It is called in the thread that calls ``shutdown`` or
+        ``try_shutdown``, at each of these calls
     """
     for name in ('shutdown', 'try_shutdown'):
         setattr(context, name, _preceded(getattr(context, name), callback))

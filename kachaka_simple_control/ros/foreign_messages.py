@@ -39,9 +39,9 @@ class ForeignMessages:
     """
     Detects velocities that other programs send to the robot.
 
-    It subscribes to the velocity topic while another program has a publisher on this topic.  A
-    publisher alone does not prove that the other program drives the robot, because it may never
-    send.  If no other program has a publisher, there is no subscription, so no CPU time is used.
+    If another program has a publisher on the velocity topic, this object subscribes to the topic.
+    Only a received velocity proves that the other program drives the robot, because a publisher
+    can exist and never send.  Without such a publisher there is no subscription, to save CPU time.
 
     :param node: the node of this program that publishes velocities
     :param publisher: the velocity publisher of this node
@@ -50,9 +50,9 @@ class ForeignMessages:
     :param is_latched: a function that returns whether the guardian has stopped the robot.  The
         guardian is a separate process that stops the robot if this program cannot.  After such a
         stop, zero velocities are ignored, because they come from the guardian
-    :param on_message: a function that is called in the executor's thread for each velocity from
-        another program, except while ``detect`` waits; gets a text that describes the other
-        program
+    :param on_message: a function that is called for each velocity from another program.  Its
+        argument is a text that describes the other program.  It is called in the executor's
+        thread, but not while the method ``detect`` waits
     """
 
     def __init__(

@@ -170,11 +170,10 @@ class GuardedRobot:
 
     def finish_stop(self) -> None:
         """
-        Start a thread that sends the complete stop to the robot.
+        Start a thread that sends the zero velocities of a stop to the robot.
 
-        The complete stop is a series of zero velocities.  It takes longer than the time for which
-        the robot keeps a velocity if no new message arrives.  The stop is sent in a thread,
-        because the guardian must watch other robots meanwhile.
+        If no new message arrives, the robot keeps a velocity for a limited time.  The thread sends
+        zero velocities for longer than this time.  Meanwhile the guardian can watch other robots.
         """
         self._stopping = run_in_threads(
             [partial(send_stop, self.send_zero, self._command_timeout)])
@@ -197,15 +196,13 @@ class GuardianNodes:
     The guardian is a separate program that stops robots if the program that drives them cannot.
     It begins with one node, which has a publisher for each robot.  A robot is discovered when a
     publisher finds the robot's subscription.  If this takes longer than a timeout, a new node is
-    created, with another publisher for this robot.  After the last attempt, only the newest
-    publisher for this robot is kept.  A node is destroyed if its publishers are not needed.
+    created, with one more publisher for this robot.  The reason: a new node often discovers the
+    robot at once, while the old node needs up to 3 s.
 
-    The reason for several nodes: Fast DDS announces a participant before it listens.  A robot on
-    the same machine answers each new participant once.  If the answer comes too early, it is lost,
-    and the robot is discovered at its next announcement, up to 3 s later.  This happened to every
-    second to fourth participant (measured).
+    After the last timeout, all publishers for this robot except the newest one are destroyed.  A
+    node without publishers is destroyed if another node has publishers.
 
-    :param create: creates a node
+    :param create: a function that creates a node
     """
 
     def __init__(self, create: Callable[[], GuardianNode]) -> None:
@@ -254,6 +251,10 @@ class GuardianNodes:
             for robot in waiting:
                 robot.keep_newest()
             return
+        # Fast DDS announces a participant before it listens.  A robot on the same machine answers
+        # each new participant once.  If the answer comes too early, it is lost, and the robot is
+        # discovered at its next announcement, up to 3 s later.  Measured: this happened to every
+        # second to fourth participant.
         self._nodes.append(self._create())
         for robot in waiting:
             robot.join(self._nodes[-1])
@@ -275,7 +276,7 @@ class GuardianProgram:
     the driving program ends before it has sent all zero velocities of its own stop.
 
     :param memory: the memory that is shared with the driving program, with the heartbeats
-    :param nodes: creates the ROS nodes with which the guardian publishes
+    :param nodes: the object that creates the ROS nodes with which the guardian publishes
     """
 
     def __init__(self, memory: GuardianMemory, nodes: GuardianNodes) -> None:
@@ -413,10 +414,10 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     Run the guardian, a program that stops robots if the program that drives them cannot.
 
-    :param args: the command line arguments; None to use ``sys.argv``.  They are the number of the
-        ROS domain, and three file descriptors: of a pipe with the messages of the driving program,
-        of a socket with descriptions of the robots, and of the memory shared with the driving
-        program
+    :param args: the command line arguments; None to use ``sys.argv``.  The first argument is the
+        number of the ROS domain.  The next three are file descriptors: of the pipe on which the
+        driving program sends messages, of the socket on which it sends descriptions of the robots,
+        and of the memory that it shares with the guardian
     :returns: the exit code
     """
     parser = argparse.ArgumentParser()

@@ -92,7 +92,8 @@ class IntrospectionPublishers:
         """
         Start to publish the debug topics; the first message is a speed factor of 1, full speed.
 
-        :param event_bus: passes on the events of the drives, from which most messages are made
+        :param event_bus: the object that distributes the events of the drives; most debug messages
+            are made from these events
         :param status_reader: the object that reads the state of the connection with the robot, for
             the diagnostics
         """

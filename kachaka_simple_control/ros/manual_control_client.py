@@ -37,7 +37,7 @@ class ManualControlResponse:
     """
     The response to a request that switches manual control of a robot on or off.
 
-    The response may arrive later than this object is created.
+    This object is created when the request is sent.  ``done`` is False until the robot responds.
 
     :param future: the future of the service call
     """

@@ -61,10 +61,10 @@ class OdometryReader:
         """
         Start the thread that receives odometry.
 
-        :param on_odometry: a function that is called in this thread for each message, with the
-            time of arrival [s on the steady clock], the pose, the velocity, and whether the
-            message is new.  It is new if its time stamp is later than the stamp of the previous
-            message, or is not set
+        :param on_odometry: a function that is called in this thread for each message.  Its
+            arguments are the time of arrival [s on the steady clock], the pose, the velocity, and
+            whether the message is new.  A message is new if its time stamp is later than that of
+            the previous message.  A message without a time stamp is also new
         :param on_error: a function that is called in this thread with each exception that
             ``on_odometry`` or ``on_frame`` raises
         """

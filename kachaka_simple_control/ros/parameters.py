@@ -96,9 +96,10 @@ def session_started(
         node: Node, title: str, profile: RobotProfile, names: RobotNames,
         parameters: NodeParameters, **about: Any) -> SessionStarted:
     """
-    Return the event that describes the robot, its limits and topics, the settings and versions.
+    Return the first event that displays and recordings of a node receive.
 
-    This is the first event that displays and recordings of a node receive.
+    It describes the robot, its limits and its topics.  It also contains the settings, such as the
+    ROS parameters, and the versions of the software, such as ROS and Python.
 
     :param node: the node that drives the robot
     :param title: the name of the motion, for displays and reports

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The claim on a robot: a program takes it, so that no second program drives the same robot.
+Claim a robot for a program, so that no second program drives the same robot.
 
-There is a second kind of claim for bridges, the programs that connect a robot with ROS: a robot
-has only one bridge.
+Another kind of claim is for bridges, the programs that connect a robot with ROS.  It ensures that
+a robot has only one bridge.
 """
 
 from __future__ import annotations
@@ -73,9 +73,9 @@ class RobotClaim:
     :param topic: the velocity topic of the robot, after remapping
     :param role: ``driver`` to be the only program that drives the robot, or ``bridge`` to be the
         only program that connects the robot with ROS
-    :param on_conflict: a function that is called in the executor's thread with a text that
-        describes another program, for each message which shows that this other program has the
-        claim as well
+    :param on_conflict: a function that is called in the executor's thread if another program has
+        the claim as well.  Its argument is a text that describes the other program.  It can be
+        called many times for the same conflict
     """
 
     def __init__(
@@ -91,11 +91,11 @@ class RobotClaim:
 
     def fileno(self) -> int:
         """
-        Return the file descriptor of the socket that stands for the claim on the robot.
+        Return the file descriptor of a socket; an open socket keeps the claim on the robot.
 
-        After the claim was taken, no other program on this machine can claim the robot as long as
-        any process has this socket open.  So a child process that inherits the descriptor keeps
-        the claim, even after this program has ended.
+        After ``take``, no other program on this machine can claim the robot while any process has
+        the socket open.  So a child process that inherits the file descriptor keeps the claim,
+        even after this program has ended.
         """
         return self._machine.fileno()
 
@@ -103,10 +103,12 @@ class RobotClaim:
         """
         Claim the robot on this machine, and request the claim from programs on other machines.
 
-        The program that has the claim is the only one that drives the robot.  This method waits
-        until it is clear whether this program gets the claim.  Then call ``hold`` to keep the
-        claim, or ``withdraw`` to cancel the request.  If this object has the claim already, this
-        method only checks that no other program has it.
+        The program that has the claim is the only one that drives the robot.  Wait until it is
+        clear whether this program gets the claim.  If this object has the claim already, only
+        check that no other program has it.
+
+        After this method, the caller must call ``hold`` to keep the claim, or ``withdraw`` to
+        cancel the request.
 
         :param check: a function that is called repeatedly while waiting; it may raise an exception
             to end the wait
@@ -135,8 +137,8 @@ class RobotClaim:
         """
         Tell programs on other machines that this program no longer wants the claim on the robot.
 
-        After ``hold``, this method does nothing.  It never gives up the claim on this machine;
-        ``release`` does this.
+        After ``hold``, this method does nothing.  On this machine, the program keeps the claim
+        until ``release`` is called.
         """
         if self._network is not None:
             self._network.withdraw()
@@ -173,7 +175,7 @@ class _NetworkClaim:
     """
     Publishes the claim of this program on a robot, and receives the claims of other programs.
 
-    A claim on a robot says that no other program may drive the robot, also on other machines.
+    While a program has the claim on a robot, programs on other machines must not drive the robot.
 
     :param node: the node that gets the publisher and the subscription
     :param topic: the topic of the claims on this robot
@@ -256,9 +258,9 @@ class _NetworkClaim:
         """
         Tell other programs that this program no longer has the claim on the robot.
 
-        If two programs had the claim at the same time, the other program must also have time to
-        find this out.  So first wait until CLAIM_CONFLICT_TIME (3 s) has passed since this program
-        found the conflict.
+        A conflict means that two programs had the claim at the same time.  If this program has
+        found a conflict, first wait until CLAIM_CONFLICT_TIME (3 s) has passed since then.  During
+        this time the other program finds the conflict as well.
         """
         if self._conflict_found is not None:
             time.sleep(max(0.0, self._conflict_found + CLAIM_CONFLICT_TIME - time.monotonic()))

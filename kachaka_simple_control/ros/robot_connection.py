@@ -59,14 +59,19 @@ class RobotConnection:
     """
     Gets control of a robot for a drive, and releases the robot at the end.
 
-    The steps are: find the robot; claim the robot, so that no other program may drive it; check
-    that nobody else drives the robot; switch on manual control, the mode in which the robot
-    accepts velocities; open the velocity gate, through which all velocities are sent; send zero
-    velocities for some time, so that no message of the motion is lost.
+    These are the steps to get control:
+
+    1. Find the robot.
+    2. Claim the robot, so that no other program may drive it.
+    3. Check that nobody else drives the robot.
+    4. Switch on manual control, the mode in which the robot accepts velocities.
+    5. Open the velocity gate, the object through which all velocities are sent.
+    6. Send zero velocities for some time, so that no message of the motion is lost.
 
     :param odometry_topic: the odometry topic of the robot; None if odometry is not checked
     :param odometry: the object that detects from odometry whether the robot moves
-    :param is_taken: whether all steps above were done; False again after a drive that ended early
+    :param is_taken: whether this program has control of the robot.  It becomes True after the last
+        step, and False if a drive ends early
     """
 
     node: Node
@@ -186,10 +191,12 @@ class RobotConnection:
         """
         Send zero velocities for some time before the first motion.
 
-        The reason: the robot discovers our publisher later than our publisher discovers the robot.
-        Messages that are sent before this can be lost, so they must not be part of the motion.
-        The ROS parameter ``prime_time`` says how long the zero velocities are sent.  The guardian,
-        a separate process that stops the robot if this program cannot, also sends them.
+        The reason: the first messages can be lost, because the robot discovers our publisher later
+        than our publisher discovers the robot.  So these messages must not be part of the motion.
+
+        The ROS parameter ``prime_time`` says how long the zero velocities are sent.  The guardian
+        also sends zero velocities.  It is a separate process that stops the robot if this program
+        cannot.
 
         :param check: a function that is called repeatedly; it may raise an exception to end this
             method
@@ -226,10 +233,11 @@ def start_guardian(
     :param publisher: the publisher of velocities of this node
     :param profile: the description of the kind of robot
     :param parameters: the values of the node's ROS parameters
-    :param claim: the file descriptor of the claim on the robot, which prevents other programs from
-        driving the robot; the guardian keeps it open while it watches the robot
-    :returns: the interface to the guardian for this robot; a NullGuardian, which does almost
-        nothing, if there is no guardian
+    :param claim: the file descriptor of the socket for the claim on the robot.  No other program
+        may drive the robot while this socket is open.  The guardian keeps the socket open while
+        the guardian watches the robot
+    :returns: the interface to the guardian for this robot; without a guardian, a NullGuardian,
+        whose methods do almost nothing
     :raises UsageError: if the guardian already watches the largest possible number of robots
     :raises RunFaultError: if the process could not be started
     """

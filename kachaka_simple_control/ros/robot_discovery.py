@@ -77,8 +77,8 @@ class RobotDiscovery:
         """
         Accept only a robot that has a given DDS participant.
 
-        :param participant: a function that returns the identifier of this DDS participant; None
-            while it is not known, and then no robot is accepted
+        :param participant: a function that returns the identifier of this DDS participant, or None
+            while the identifier is not known.  While it returns None, no robot is accepted
         """
         self._required_participant = participant
 
@@ -126,8 +126,9 @@ class RobotDiscovery:
         """
         Return whether any count of publishers or subscribers has changed since the last call.
 
-        There are three counts: of velocity publishers, velocity subscribers and odometry
-        publishers.  They do not show a robot that was replaced by another robot between two calls.
+        Three things are counted: publishers of velocities, subscribers of velocities, and
+        publishers of odometry.  If another robot replaces the robot between two calls, the counts
+        can be the same as before; use ``check_identity`` to detect this.
         """
         before, self._counts = self._counts, self._endpoint_counts()
         return self._counts != before

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The connection of a node with one robot: get control of it, drive it, stop it and release it."""
+"""Connect a node with one robot: get control of the robot, drive it, stop it and release it."""
 
 from __future__ import annotations
 
@@ -64,11 +64,11 @@ from rclpy.node import Node
 
 class Session:
     """
-    The connection of a node with one robot: it drives the robot, and stops the robot.
+    Connects a node with one robot, drives the robot, and stops it.
 
-    The robot is stopped at the end of each drive, after an error, and when the connection is
-    closed.  A motion is planned and driven in the thread that calls ``drive``, one motion at a
-    time.  Any thread may call ``stop``, ``stop_permanently`` and ``close``.
+    The robot is stopped at the end of each drive, after an error, and when ``close`` is called.  A
+    motion is planned and driven in the thread that calls ``drive``, one motion at a time.  Any
+    thread may call ``stop``, ``stop_permanently`` and ``close``.
 
     :param node: the node that publishes the velocities
     :param publisher: the velocity publisher of this node; only the velocity gate, which checks
@@ -156,7 +156,7 @@ class Session:
 
     def request(self, elsewhere: bool = False) -> DriveRequest:
         """
-        Request a drive; from now on a stop ends this drive, even before it has begun.
+        Request a drive, so that a stop can end this drive even before the method ``drive`` runs.
 
         :param elsewhere: True if another thread will call ``drive``, not the calling thread
         :returns: the request, which is passed to ``drive``
@@ -218,12 +218,12 @@ class Session:
         """
         Get control of the robot, and prepare the checks and corrections for a drive.
 
-        Also log whether the robot will drive slower than planned, or is paused at the start.
+        Also log a message if the robot will drive slower than planned, or if the motion is paused.
 
         :param order: the motion and its limits
         :param plan: the plan of the motion
-        :param request: the request for this drive, which says whether the drive was stopped
-            meanwhile
+        :param request: the request for this drive; if a stop has come since the request, this
+            object contains the error that describes the stop
         """
         self._request, self._has_reported = request, False
         self._require_not_stopped()
@@ -330,14 +330,13 @@ class Session:
         Process one odometry message.
 
         Odometry shows whether the robot stands still, and whether somebody moved it during a
-        pause.  A closed loop also corrects the velocities with the poses, but only with new
-        messages.
+        pause.  A closed loop also corrects the velocities with the poses of new messages.
 
         :param now: the time of arrival [s on the steady clock]
         :param pose: the pose of the robot
         :param velocity: the velocity of the robot
         :param is_new: whether the time stamp of this message is later than that of the previous
-            message
+            message; also True if this message has no time stamp
         """
         self.odometry.on_odometry(now, velocity)
         if self._feedback is not None and is_new:
@@ -534,10 +533,10 @@ class Session:
         """
         End the drive that is under way, and send one zero velocity at once.
 
-        After that, the thread that drives raises the error, and sends the other zero velocities of
-        the stop.  Do nothing if no drive is under way.
+        After that, the thread in which ``drive`` runs sends the other zero velocities of the stop,
+        and raises the error.  If no drive is under way, do nothing.
 
-        :param reason: the error that says why the drive ends
+        :param reason: the error that says why the drive ends; ``drive`` raises it
         """
         # Without a drive this program moves nothing, and it must not disturb another program.
         if not self._requests.is_busy:

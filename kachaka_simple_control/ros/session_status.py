@@ -62,8 +62,8 @@ class StatusReader:
 
     Any thread may call the methods.
 
-    :param drive: drives the robot, and knows the progress of the newest motion
-    :param discovery: finds the robot and other programs in the ROS graph
+    :param drive: the object that drives the robot, and knows the progress of the newest motion
+    :param discovery: the object that finds the robot and other programs in the ROS graph
     :param guardian: the guardian, a separate process that stops the robot if this program cannot
     :param odometry: the object that receives odometry, and knows the age of the newest message
     :param manual_control: the client that makes the robot accept velocities

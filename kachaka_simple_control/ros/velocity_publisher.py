@@ -94,9 +94,9 @@ class _MessageCache:
     """
     Serializes velocities for a publisher, and keeps the newest message to use it again.
 
-    A plan often contains the same Velocity object several times, and creating a message takes
-    longer than publishing it.  So the same object is not converted again.  A stamped message is
-    serialized each time, because its stamp changes.
+    If the next velocity is the same Velocity object, the kept message is used again.  If it is a
+    stamped message, it gets a new stamp and is serialized again.  The reason: a plan often
+    contains the same object several times, and creating a message takes longer than publishing it.
 
     :param node: the node whose clock gives the time stamps
     :param message_type: the type of the messages, ``Twist`` or ``TwistStamped``
