@@ -57,8 +57,9 @@ class Calibration:
     :param left_gain: true angular velocity divided by sent angular velocity, to the left
     :param right_gain: true angular velocity divided by sent angular velocity, to the right
     :param veer: the unwanted turn for each metre forwards [rad/m], positive to the left
-    :param delay: how late the robot follows a sent velocity, dead time plus lag [s]; None if
-        unknown.  A closed loop, which corrects velocities with odometry, needs it
+    :param delay: the delay between a sent velocity and the motion of the robot [s]: dead time plus
+        lag.  None if unknown.  A closed loop, which corrects velocities with odometry, is then not
+        possible
     :param date: the date of the measurement, as text to show
     :param floor: the floor on which the robot was measured, as text to show
     """
@@ -117,8 +118,8 @@ class Calibration:
         returned limits, both the planned and the sent velocities keep the limits of the robot.
 
         :param limits: the limits of the robot for velocities, accelerations and jerks
-        :raises InvalidMotionError: if an angular limit is so low that the correction of the veer,
-            the unwanted turn of the robot, needs all of it
+        :raises InvalidMotionError: if the correction of the veer, the unwanted turn of the robot,
+            needs all of an angular limit
         """
         forward, backward = (min(1.0, gain) - MARGIN for gain in (
             self.forward_gain, self.backward_gain))
@@ -152,24 +153,24 @@ class Calibration:
 def _remaining(
         limits: Limits, name: str, share: float, lost: float, cause: str, value: str) -> float:
     """
-    Return how much of a limit a plan can use if a correction needs a part of the limit.
+    Return the part of a limit that a plan can use if a correction needs the other part.
 
-    The correction is added to each planned velocity because of a calibration value, for example
-    because the robot turns when it should drive straight.
+    The calibration adds a correction to each planned velocity, for example because the robot turns
+    when it should drive straight.
 
     :param limits: the limits of the robot
     :param name: the name of the limit, a field of ``Limits``
     :param share: the fraction of the limit that the plan and the correction can use together
-    :param lost: how much of the limit the correction needs, in the unit of the limit; its sign is
-        ignored.  An infinite or NaN value counts as 0: the correction then depends on a velocity,
-        acceleration or jerk that has no limit
+    :param lost: how much of the limit the correction needs, in the unit of the limit.  Its sign is
+        ignored.  An infinite or NaN value is replaced by 0
     :param cause: the name of the calibration value, for the error message
     :param value: the calibration value as text, for the error message
     :returns: ``share`` times the limit, minus ``lost``
     :raises InvalidMotionError: if the result is not above zero
     """
-    # Without a limit, the velocity of the other axis jumps, and so does the correction on this
-    # axis.  No limit can prevent this jump.
+    # ``lost`` is infinite or NaN if it depends on a velocity, acceleration or jerk of the other
+    # axis that has no limit.  Without a limit, the velocity of the other axis jumps, and so does
+    # the correction on this axis.  No limit can prevent this jump.
     lost = abs(lost) if math.isfinite(lost) else 0.0
     bound = limits.bound(name)
     if bound * share <= lost:
@@ -261,8 +262,8 @@ class OdometryCalibration:
         """
         Return the true pose on the floor after a movement that odometry reports.
 
-        A sideways part of the reported movement is noise, because the robot cannot drive sideways.
-        This part is kept and multiplied by ``scale``, the true distance divided by the reported
+        The robot cannot drive sideways, but because of noise, odometry can report a small sideways
+        movement.  It is multiplied by ``scale``, the true distance divided by the reported
         distance.
 
         :param pose: the true pose on the floor before the movement
@@ -292,14 +293,14 @@ class OdometryCalibration:
 
     def reduce(self, limits: Limits) -> Limits:
         """
-        Return the limits for true velocities on the floor, which are lower than the given limits.
+        Return lower limits, which are valid for true velocities on the floor.
 
-        A true velocity that keeps the returned limits also keeps the given limits, and so does
-        the velocity that odometry reports for it.  The same is true of accelerations and jerks.
+        If a true velocity keeps the returned limits, the true velocity and the velocity that
+        odometry reports for it both keep ``limits``.  This is also valid for accelerations and
+        jerks.
 
         :param limits: the limits that the true and the reported velocities must keep
-        :raises InvalidMotionError: if a limit is so low that the correction of unequal wheels
-            needs all of it
+        :raises InvalidMotionError: if the correction of unequal wheels needs all of a limit
         """
         inverse = self._odometry_matrix()
         own, spin = max(1.0, inverse.linear), max(1.0, inverse.spin)
@@ -325,10 +326,10 @@ class OdometryCalibration:
     @property
     def _offset(self) -> float:
         """
-        Return the relative difference of the true wheel radii.
+        Return half the difference of the true wheel radii, divided by the radius in odometry.
 
-        It is the true radius of the right wheel minus the true radius of the left wheel, divided
-        by twice the wheel radius that odometry uses.
+        The difference is the radius of the right wheel minus the radius of the left wheel.
+        Odometry uses the same radius for both wheels.
         """
         return self.scale * (self.wheel_ratio - 1.0) / (self.wheel_ratio + 1.0)
 

@@ -84,16 +84,17 @@ def advance(pose: Pose, distance: float, angle: float) -> Pose:
     """
     Return the pose of a robot after it has driven along an arc.
 
-    If an arc has the length s and the heading change a, the straight line from its start to its
-    end has the length s sin(a/2) / (a/2).  This line points along the heading at the middle of the
-    arc; see formula (14) of docs/theory.md.  The formula is valid for straight lines, arcs and
-    turns in place.
+    The arc can also be a straight line or a turn in place.  See formula (14) of docs/theory.md.
 
     :param pose: the pose at the start of the arc
-    :param distance: the length of the arc [m], negative if it is driven backwards
-    :param angle: the heading change along the arc [rad], positive to the left
+    :param distance: the length of the arc [m], negative if it is driven backwards; 0 for a turn in
+        place
+    :param angle: the heading change along the arc [rad], positive to the left; 0 for a straight
+        line
     :returns: the pose at the end of the arc
     """
+    # The chord of an arc with length s and heading change a has the length s sin(a/2) / (a/2).  It
+    # points along the heading at the middle of the arc.
     chord = distance * sinc(angle / 2.0)
     heading = pose.theta + angle / 2.0
     return Pose(

@@ -56,15 +56,14 @@ class PlannedStep:
     """
     One step of a motion with its planned times, velocities and end pose.
 
-    If a motion repeats a step, each repetition has its own object.
+    If a motion repeats a step, each repetition has its own ``PlannedStep``.
 
     :param path: the place of the step in the motion, as in ``steps[3].repeat.steps[0]``
-    :param step: the step; it is never a ``Repeat``, because the steps in a ``Repeat`` are listed
-        one by one
+    :param step: the step.  It is never a ``Repeat``, but it can be a step inside a ``Repeat``
     :param start: the start time [s after the start of the plan]
     :param end: the end time [s after the start of the plan]
-    :param pose: the planned pose at the end of the step; at the start of the plan, position and
-        heading are 0
+    :param pose: the planned pose at the end of the step, relative to the pose at the start of the
+        plan
     :param length: the length of the path of the step [m]; parts driven backwards count as positive
     :param max_linear_velocity: the largest linear velocity sent, without its sign [m/s]
     :param max_angular_velocity: the largest angular velocity sent, without its sign [rad/s]
@@ -96,9 +95,10 @@ class Plan:
 
     :param segments: the time intervals with one velocity each, in order; they start at 0 s and
         have no gaps
-    :param period: the time after which a velocity is sent again if its time interval is longer [s]
-    :param steps: the steps of the motion with their planned times, in order.  Each repetition of a
-        step is listed on its own
+    :param period: the longest time between two messages [s].  In a longer time interval, the same
+        velocity is sent again after each period
+    :param steps: the steps of the motion with their planned times, in order.  A repeated step
+        occurs once for each repetition
     """
 
     segments: tuple[Segment, ...]
@@ -162,11 +162,13 @@ def find_errors(motion: Motion, limits: Limits) -> list[InvalidMotionError]:
     """
     Return all reasons why a robot with given limits cannot drive a motion.
 
+    This function does not know the rate at which velocities are sent.  So it does not find an
+    invalid rate, or a rate that gives more than ``MAX_SEGMENTS`` velocities; ``plan()`` does.
+
     :param motion: the motion
     :param limits: the limits of the robot
-    :returns: the errors: first those of the steps, in the order of the steps, then those of the
-        whole motion.  If there are none, ``plan()`` can still refuse the motion, but only because
-        the rate is invalid or gives more than ``MAX_SEGMENTS`` velocities
+    :returns: first the errors of the steps, in the order of the steps, then the errors of the
+        whole motion; empty if there are none
     """
     return _apply_limits(motion, limits)[1]
 
@@ -201,8 +203,8 @@ class _Item:
     """
     One step of a motion, with its place in the motion and its trajectories.
 
-    A trajectory is a part of the step's path with its timing.  A step that the robot cannot drive
-    can have no trajectories.
+    A trajectory is a part of the step's path with its timing.  If the robot cannot drive the step,
+    the list of trajectories can be empty.
     """
 
     path: str
@@ -212,9 +214,9 @@ class _Item:
 
 class _Block(NamedTuple):
     """
-    A block: a list of steps that is driven several times.
+    A block: a list of steps, and the number of times that the list is driven.
 
-    Each item of the list is one step with its trajectories, or another block.
+    Each item of the list is one step with its trajectories, or a block that contains steps.
     """
 
     times: int
@@ -252,8 +254,8 @@ def _apply_limits(motion: Motion, limits: Limits) -> tuple[_Block, list[InvalidM
 
     :param motion: the motion
     :param limits: the limits of the robot
-    :returns: all steps as one block, and the list of errors, which is empty if the robot can drive
-        the motion
+    :returns: a block, and the list of errors.  The block contains all steps, and how many times
+        they are repeated.  The list is empty if the robot can drive the motion
     """
     errors: list[InvalidMotionError] = []
 
@@ -348,17 +350,19 @@ class DriveOrder:
     """
     A motion, with the limits and the rate from which its plan is computed.
 
-    A closed loop corrects the planned velocities with odometry while the robot drives.
+    A closed loop corrects the planned velocities with odometry while the robot drives.  For a
+    closed loop, a plan uses only a part of each limit, so that the corrections can use the rest.
 
     :param motion: the motion; for a closed loop, its last step is a settle step, in which the
         robot stands still and its heading is corrected
-    :param limits: the limits with which the plan is computed.  They can be set for this motion,
-        so they can be higher than those of the robot
+    :param limits: the limits with which the plan is computed.  They are the limits of the robot,
+        or limits for this motion, which can be higher.  For a closed loop, they are a part of
+        these limits
     :param rate: the rate at which velocities are sent [Hz]
-    :param allowed: the limits of the robot; for a closed loop, only the part of them that a plan
-        may use.  A plan with a velocity beyond them is refused
-    :param corrected: for a closed loop, the limits of the corrected velocities; None if the
-        velocities are sent as planned
+    :param allowed: the limits of the robot; for a closed loop, a part of each.  ``plan()`` raises
+        an error for a planned velocity beyond them
+    :param corrected: for a closed loop, the limits of the corrected velocities; None if there is
+        no closed loop
     """
 
     motion: Motion

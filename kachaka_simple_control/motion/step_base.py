@@ -108,13 +108,16 @@ class Step(ABC):
     """
     One part of a motion, such as a turn: the base class of all kinds of steps.
 
-    Each kind of step is a subclass of ``Step`` and a frozen dataclass.  A subclass must define
-    ``path()`` and ``describe()``.  Plans, files, tables, plots and reports need no other method.
-    The first line of the subclass's docstring explains the step in the JSON Schema of motion
-    files.  Each field has the metadata of ``in_file()``.  An optional field is None by default.
-    The last required field is the length or the duration of the step.  The robot stands still at
-    the start and at the end of each path segment, unless the subclass overrides
-    ``trajectories()``.
+    Each kind of step is a subclass of ``Step`` and a frozen dataclass.  It must define ``path()``
+    and ``describe()``; the other methods have a default.  The first line of its docstring explains
+    the step in the JSON Schema of motion files.
+
+    Each field has the metadata of ``in_file()``.  An optional field is None by default.  The last
+    required field says how large the step is: its distance, angle or duration.  If the step takes
+    too long, the error message names this field.
+
+    The robot stands still at the start and at the end of each path segment, unless the subclass
+    overrides ``trajectories()``.
 
     :cvar keyword: the name of the step in files and error messages: the class name in lower case
     :cvar form: how the step is written in a file, for error messages; '' if the value of the first
@@ -123,8 +126,8 @@ class Step(ABC):
         suggests the keyword
     :cvar settles: whether the robot stands still in this step while a closed loop corrects its
         heading with odometry
-    :ivar speed: the largest velocity along the path, in the unit of the subclass's ``speed``
-        field; None: as fast as the limits allow
+    :ivar speed: the largest velocity along the path [m/s, or rad/s for a turn in place]; None: as
+        fast as the limits allow
     """
 
     keyword: ClassVar[str]
@@ -167,7 +170,7 @@ class Step(ABC):
         """Return a short text about the step, for tables with a separate duration column."""
 
     def describe_fully(self) -> str:
-        """Return a short text about the step, with its duration if that is one of its fields."""
+        """Return a short text about the step, with its ``duration`` if it has such a field."""
         return self.describe()
 
     def block(self) -> tuple[int, tuple[Step, ...]] | None:
@@ -207,14 +210,14 @@ class Step(ABC):
         """
         Return the fastest trajectory along each segment of the step's path.
 
-        A trajectory is a path segment with its timing.  It keeps ``limits``, and also the
-        ``speed`` of the step unless that is None.
+        A trajectory is a path segment with its timing.  It keeps ``limits``, and its velocity is
+        at most the ``speed`` of the step if that is given.
 
         :param limits: the limits of the robot
         :param refuse: a function that is called as ``refuse(name, error)`` for each field that
             makes the step impossible for the robot; ``name`` is the name of the field
-        :returns: the trajectories, in order; empty if nothing limits the velocity, or if the step
-            takes too long
+        :returns: the trajectories, in driving order.  The list is empty if neither a limit nor
+            ``speed`` limits the velocity, or if the step takes too long
         """
         path = [(segment, limits_along(segment, limits)) for segment in self.path()]
         if self.speed is not None:

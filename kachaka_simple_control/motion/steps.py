@@ -174,12 +174,13 @@ class Arc(Step):
     Drive along a part of a circle, from rest to rest.
 
     The robot drives forwards if ``angle`` is positive, and backwards on the same circle if it is
-    negative.  The heading changes by ``angle`` if the centre of the circle is on the left, and by
-    ``-angle`` if the centre is on the right, counter-clockwise positive.
+    negative.  If the centre of the circle is on the left, ``angle`` is added to the heading.  If
+    the centre is on the right, ``angle`` is subtracted from the heading.
 
     :param radius: distance to the centre of the circle [m], positive if the centre is on the left,
         negative if it is on the right; ``|radius|`` must be at least 1e-6 m
-    :param angle: the angle of the part of the circle [rad], negative backwards
+    :param angle: the angle of the part of the circle, seen from its centre [rad], for example pi
+        for half a circle; negative if the robot drives backwards
     :param speed: drive no faster than this along the path [m/s], positive; None: as fast as the
         limits allow
     """

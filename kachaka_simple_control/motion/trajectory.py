@@ -50,8 +50,11 @@ class PathSegment(NamedTuple):
     A part of a path; its curvature is constant.
 
     The unit u of its length is the metre for straight lines and arcs, and the radian for a turn in
-    place.  For a step that holds a velocity for a time, u is the second of the plan, so ``linear``
-    and ``angular`` are velocities.
+    place.  For a step that holds a velocity for a time, the length is the planned duration, and u
+    is the second; so ``linear`` and ``angular`` are velocities.
+
+    Examples: for a straight line, ``linear`` is 1 or -1, and ``angular`` is 0.  For a turn in
+    place, ``linear`` is 0, and ``angular`` is 1 or -1.
 
     :param distance: the length of the segment [u], not negative
     :param linear: metres forwards for each u [m/u], negative backwards
@@ -82,7 +85,7 @@ class PathSegment(NamedTuple):
         Convert a velocity along the path segment to the velocity of the robot.
 
         :param rate: the velocity along the segment [u/s], where u is the unit of the segment's
-            length: the metre, the radian or the second of the plan
+            length: the metre, the radian, or the second of planned time
         :returns: the linear and the angular velocity of the robot
         """
         return Velocity(self.linear * rate, self.angular * rate)
@@ -92,14 +95,14 @@ def limits_along(segment: PathSegment, limits: Limits) -> PathLimits:
     """
     Return the limits of velocity, acceleration, deceleration and jerk along a path segment.
 
-    Each of them is the stricter one of the linear and the angular limit of the robot, converted to
-    the unit of the segment's length.  See formulas (13) and (17) of docs/theory.md.
+    The linear and the angular limit of the robot are converted to the unit u of the segment's
+    length, and the lower one is returned.  u is the metre, the radian, or the second of planned
+    time.  See formulas (13) and (17) of docs/theory.md.
 
     :param segment: the segment
     :param limits: the limits of the robot
-    :returns: the limits [u/s, u/s^2 and u/s^3], where u is the unit of the segment's length: the
-        metre, the radian or the second of the plan.  All are infinite if the robot stands still
-        during the segment
+    :returns: the limits [u/s, u/s^2 and u/s^3].  All are infinite if the robot stands still during
+        the segment
     """
     forward = limits.backward_velocity if segment.linear < 0.0 else limits.max_linear_velocity
     return PathLimits(
@@ -139,16 +142,19 @@ class TimedPath(ABC):
         """
         Return the largest planned velocity along the path segment [u/s].
 
-        u is the unit of the segment's length: the metre, the radian or the second of the plan.
+        u is the unit of the segment's length: the metre, the radian, or the second of planned
+        time.
         """
 
     def mean_velocity(self, distance: float, duration: float) -> Velocity:
         """
         Return the constant velocity at which the robot covers a distance in a time.
 
-        It is at most the largest planned velocity in the path segment.
+        Rounding can make the velocity along the path segment negative or larger than its largest
+        planned value.  It is then set to 0 or to this largest value.
 
-        :param distance: the distance along the segment, in m, rad or seconds of the plan
+        :param distance: the distance along the segment, in metres, radians, or seconds of planned
+            time
         :param duration: the time [s]
         """
         # Rounding must not raise the rate above the limit, or make it negative.
@@ -159,13 +165,14 @@ class ConstantVelocity(TimedPath):
     """
     A path segment with one constant velocity, which is sent repeatedly at the rate of the plan.
 
-    A position along the segment is the progress in seconds of the plan.  A velocity along the
-    segment is in plan seconds per second: 1 as planned, less than 1 if the motion is slowed down.
+    A position along the segment is the planned time since the start of the segment [s].  A
+    velocity along the segment is the planned time that passes in each second: 1 as planned, and
+    0.5 if the motion is slowed down to half its speed.
     """
 
     @property
     def duration(self) -> float:
-        """Return how long the velocity is sent if the motion is not slowed down [s]."""
+        """Return the planned duration of the path segment [s]."""
         return self.segment.distance
 
     def ticks(self, rate: float) -> int:  # noqa: ARG002
@@ -190,8 +197,8 @@ class ConstantVelocity(TimedPath):
         """
         Return the planned position and velocity along the path segment at a time.
 
-        The position is the progress in seconds of the plan, so it is equal to the time.  The
-        velocity is 1 plan second per second.
+        The position is the planned time since the start of the segment, so it is equal to
+        ``time``.  The velocity is the planned time that passes in each second, so it is 1.
 
         :param time: the time since the start of the segment [s]
         """
@@ -201,7 +208,8 @@ class ConstantVelocity(TimedPath):
         """
         Return the planned time at which a position is reached [s]; it is equal to the position.
 
-        :param position: the progress in the path segment, in seconds of the plan
+        :param position: the position along the path segment, given as the planned time since the
+            start of the segment [s]
         """
         return position
 
@@ -209,13 +217,13 @@ class ConstantVelocity(TimedPath):
         """
         Return the position and the velocity at the start of the path segment.
 
-        The position is 0.  The returned velocity, in plan seconds per second, is equal to
-        ``velocity`` if ``velocity`` is not 0.  Otherwise it is equal to ``factor``, but if the
-        robot stands still in the segment, each factor above 0 counts as 1.
+        The position is 0.  If ``velocity`` is not 0, it is also the returned velocity.  Otherwise
+        the returned velocity is ``factor``.  But if the robot stands still in the segment, a
+        factor above 0 is rounded up to 1, so that a wait does not become longer.
 
         :param factor: the speed factor, which is the speed relative to the plan, from 0 to 1
-        :param velocity: the velocity at the end of the previous segment, in plan seconds per
-            second
+        :param velocity: the velocity at the end of the previous segment: the planned time that
+            passes in each second, so it is 1 at the planned speed
         """
         return PathState(0.0, velocity or self._rate(factor))
 
@@ -223,10 +231,11 @@ class ConstantVelocity(TimedPath):
         """
         Plan the rest of the path segment again for a new speed factor.
 
-        The velocity along the segment, in plan seconds per second, changes to the speed factor as
-        fast as the limits allow.  If the rest of the segment is too short for this change, the
-        change is not finished at the end of the segment.  If the robot stands still in the
-        segment, each factor above 0 counts as 1.
+        The velocity along the segment is the planned time that passes in each second.  It changes
+        to the speed factor as fast as the limits allow.  If the rest of the segment is too short
+        for this change, the change is not finished at the end of the segment.  If the robot stands
+        still in the segment, a factor above 0 is rounded up to 1, so that a wait does not become
+        longer.
 
         :param state: the current position, velocity and acceleration along the segment
         :param factor: the speed factor, which is the speed relative to the plan, from 0 to 1; 0
@@ -236,16 +245,20 @@ class ConstantVelocity(TimedPath):
 
     @property
     def max_rate(self) -> float:
-        """Return the largest planned velocity along the path segment: 1 plan second per second."""
+        """
+        Return the largest planned velocity along the path segment, which is 1.
+
+        The velocity along the segment is the planned time that passes in each second.
+        """
         return 1.0
 
     def _rate(self, factor: float) -> float:
         """
-        Return the velocity along the path segment that belongs to a speed factor.
+        Return the velocity along the path segment for a speed factor.
 
-        It is in plan seconds per second.  If the robot moves in the segment, it is equal to the
-        factor.  If the robot stands still there, it is 1 for each factor above 0, so that a wait
-        does not become longer.
+        This velocity is the planned time that passes in each second.  If the robot moves in the
+        segment, the result is the factor.  If the robot stands still in the segment, a factor
+        above 0 is rounded up to 1, so that a wait does not become longer.
 
         :param factor: the speed factor, which is the speed relative to the plan, from 0 to 1
         """

@@ -57,17 +57,18 @@ class Quantity:
     A kind of quantity, such as a length, with the units in which users may write it.
 
     :param name: the name of the quantity with an article, as in ``a length``
-    :param units: the allowed units, the SI unit first.  The factor from each unit to the SI unit
-        is given as a numerator and a denominator, because 57 / 100 gives 0.57, but 57 * 0.01 gives
-        0.5700000000000001
+    :param units: a mapping from each allowed unit to its size in the SI unit, the SI unit first.
+        A size is given as a numerator and a denominator, as in ``{'m': (1, 1), 'cm': (1, 100)}``
     :param example: an example of a valid text
     :param sign: the allowed signs
     :param largest: the largest value allowed in a text [SI unit]
-    :param needs_unit: whether a text must have a unit.  A number without a unit is often meant in
-        another unit than the SI unit: ``turn: 90`` is meant in degrees, but 90 rad is 14 turns
+    :param needs_unit: whether a text must have a unit.  An angle needs a unit, because a user who
+        writes ``turn: 90`` means degrees, but the SI unit is the radian
     """
 
     name: str
+    # A numerator and a denominator, because 57 / 100 gives 0.57, but 57 * 0.01 gives
+    # 0.5700000000000001.
     units: dict[str, tuple[float, float]]
     example: str
     sign: SignRule = SignRule.POSITIVE

@@ -19,8 +19,9 @@ S-curves: the fastest velocities along a path under limits of velocity, accelera
 stops or speeds up.
 
 The unit u of a path is the metre, or the radian for a turn in place.  For a step that holds a
-velocity for a time, u is the second of the plan.  In comments, a number in round brackets, such as
-(2), is the number of a formula in docs/theory.md.
+velocity for a time, u is the second, and a position is the planned time since the start of the
+path.  In comments, a number in round brackets, such as (2), is the number of a formula in
+docs/theory.md.
 """
 
 from __future__ import annotations
@@ -48,8 +49,9 @@ class PathState(NamedTuple):
     Position, velocity and acceleration along a path.
 
     The unit u of the path is the metre, or the radian for a turn in place.  For a step that holds
-    a velocity for a time, u is the second of the plan: the position is then the progress in
-    seconds of the plan, and the velocity is in plan seconds per second.
+    a velocity for a time, u is the second.  The position is then the planned time since the start
+    of the path.  The velocity is the planned time that passes in each second: 1 as planned, and
+    0.5 if the motion is slowed down to half its speed.
 
     :param position: the distance from the start of the path [u]
     :param velocity: the velocity along the path [u/s], not negative
@@ -66,7 +68,8 @@ class PathLimits(NamedTuple):
     The limits along a path segment; each is positive or infinite.
 
     The unit u of the segment is the metre, or the radian for a turn in place.  For a step that
-    holds a velocity for a time, u is the second of the plan.
+    holds a velocity for a time, u is the second, and the velocity is the planned time that passes
+    in each second.
 
     :param velocity: largest velocity [u/s]
     :param acceleration: largest acceleration [u/s^2]
@@ -173,14 +176,14 @@ class VelocityProfile:
     """
     The velocity over time from rest to rest: a ramp up, a constant velocity, and a ramp down.
 
-    The two ramps may differ.  The velocity is zero before and after the profile.  If the velocity
-    jumps at a time, ``state_at()`` returns the velocity after the jump for this time.  The unit u
-    is m or rad.
+    The two ramps can differ.  The velocity is zero before and after the profile.  If some
+    limits are infinite, the velocity can jump.  At the time of a jump, ``state_at()`` returns the
+    velocity after the jump.  The unit u is m or rad.
 
     :param distance: the distance that is covered [u], not negative
     :param rise: the ramp up
     :param cruise: the duration of the part with constant velocity [s]
-    :param fall: the ramp down, described as a ramp up that is passed backwards in time
+    :param fall: the ramp down in reverse time order, so that it is a ramp up from rest
     """
 
     distance: float
@@ -204,7 +207,8 @@ class VelocityProfile:
 
         See formula (5) of docs/theory.md.
 
-        :param time: the time since the start [s]; before the start and after the end are allowed
+        :param time: the time since the start of the profile [s].  It can be negative, and it can
+            be after the end of the profile
         """
         left = self.duration - time
         if time < 0.0 or left <= 0.0:
@@ -320,7 +324,10 @@ def _unlimited_peak(
 
 class Phase(NamedTuple):
     """
-    A time interval with a constant jerk; the unit u of the path is m, rad or s.
+    A time interval with a constant jerk.
+
+    The unit u of the path is the metre, or the radian for a turn in place.  For a step that holds
+    a velocity for a time, u is the second of planned time.
 
     :param start: position, velocity and acceleration at the start of the interval
     :param jerk: the rate of change of the acceleration [u/s^3]
@@ -360,8 +367,8 @@ class Replanned:
     """
     A new plan for the rest of a path: to the end of the path, or to a stop before this end.
 
-    :param phases: the time intervals of constant jerk, in order; the velocity may jump between
-        them
+    :param phases: the time intervals of constant jerk, in order.  If some limits are infinite,
+        the velocity can jump from one interval to the next
     :param end: position, velocity and acceleration at the end of the new plan
     """
 
@@ -400,8 +407,8 @@ def replan_to_rest(
     :param distance: the length of the whole path [u], where u is m or rad
     :param velocity: the wanted velocity [u/s].  It is reached as soon as possible.  If the rest
         of the path is too short for it, a lower velocity is used
-    :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
-        used
+    :param limits: the limits of acceleration, deceleration and jerk.  The field ``velocity`` is
+        not used
     """
     top = velocity
     left = distance - state.position
@@ -422,15 +429,15 @@ def replan_to_rest(
 
 def _largest_velocity(state: PathState, left: float, velocity: float, limits: PathLimits) -> float:
     """
-    Return the largest velocity that the robot can reach and still stop within the path.
+    Return the largest velocity from which the robot can still stop within the path.
 
-    See formula (16) of docs/theory.md.
+    The robot first changes to this velocity, and then stops.  See formula (16) of docs/theory.md.
 
     :param state: the current position, velocity and acceleration
     :param left: the length of the remaining path [u], where u is m or rad
-    :param velocity: a velocity that is too large [u/s]
-    :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
-        used
+    :param velocity: a velocity that is too large for this [u/s]; the result is below it
+    :param limits: the limits of acceleration, deceleration and jerk.  The field ``velocity`` is
+        not used
     """
     def is_too_fast(top: float) -> bool:
         return _distance_to_rest(state, top, limits) > left
@@ -449,11 +456,12 @@ def replan_through(
     Plan the rest of a path again: change to a velocity, and keep it until the end of the path.
 
     :param state: the current position, velocity and acceleration
-    :param distance: the length of the whole path [u], where u is m, rad or s
+    :param distance: the length of the whole path [u], where u is the metre, the radian, or the
+        second of planned time
     :param velocity: the velocity to reach as soon as possible [u/s]; 0 means a stop.  If the rest
         of the path is too short for the change, the change is not finished at the end of the path
-    :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
-        used
+    :param limits: the limits of acceleration, deceleration and jerk.  The field ``velocity`` is
+        not used
     """
     phases: list[Phase] = []
     for phase in _change_velocity(state, velocity, limits):
@@ -476,8 +484,8 @@ def _distance_to_rest(state: PathState, velocity: float, limits: PathLimits) -> 
 
     :param state: the current position, velocity and acceleration; its position is not used
     :param velocity: the velocity to change to before the stop [m/s or rad/s]
-    :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
-        used
+    :param limits: the limits of acceleration, deceleration and jerk.  The field ``velocity`` is
+        not used
     """
     start = PathState(0.0, *state[1:])
     for wanted in (velocity, 0.0):
@@ -511,8 +519,8 @@ def _change_velocity(state: PathState, velocity: float, limits: PathLimits) -> I
 
     :param state: the current position, velocity and acceleration
     :param velocity: the velocity at the end of the change
-    :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
-        used
+    :param limits: the limits of acceleration, deceleration and jerk.  The field ``velocity`` is
+        not used
     """
     rises = velocity >= _velocity_at_zero_acceleration(state, limits)
     sign, bound = (1.0, limits.acceleration) if rises else (-1.0, limits.deceleration)
