@@ -56,7 +56,11 @@ class _Reader:
 
 @dataclass(eq=False)
 class _Call:
-    """An event that is passed to the readers now, and the readers that have not got it yet."""
+    """
+    An event that is being passed to readers, with the readers that have not got it yet.
+
+    A reader is a function that is called with each event.
+    """
 
     event: Event
     readers: list[_Reader]
@@ -72,8 +76,8 @@ class _Call:
         """
         Return the next reader that must be called with the event, and remove it from the list.
 
-        :returns: the reader; None if no reader is left.  If one reader takes too long, another
-            thread calls the remaining readers, and None is returned too
+        :returns: the reader; None if this thread has no reader left to call.  If one reader takes
+            too long, another thread calls the remaining readers
         """
         with self.lock:
             if self.is_abandoned or not self.readers:
@@ -168,7 +172,11 @@ class EventBus:
         return passed_on.wait(timeout)
 
     def close(self) -> None:
-        """Pass the waiting events to the readers within CLOSE_TIMEOUT, then remove all readers."""
+        """
+        Wait until the readers have got all events, then remove all readers.
+
+        This method waits at most CLOSE_TIMEOUT.  Events that are then still in the queue are lost.
+        """
         self.flush()
         with self._lock:
             self._readers = ()

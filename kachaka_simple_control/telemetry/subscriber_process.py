@@ -64,7 +64,9 @@ FINISH_TIMEOUT_WHEN_STOPPED = 1.0
 @dataclass(frozen=True)
 class Chunk:
     """
-    A part of a pickled event that is too large for one write to a pipe.
+    One part of a pickled event.
+
+    An event is divided into parts if it is too large for one write to a pipe.
 
     :param data: the bytes of this part
     :param is_last: whether this is the last part of the event
@@ -119,9 +121,9 @@ class SubscriberProcess:
     Starts a child process, and sends events to it over a pipe.
 
     The child process belongs to its own POSIX session, so Ctrl+C does not reach it.  When the
-    parent process ends, the pipe is closed, so the child process detects the end.  Sending does
-    not block while the robot moves.  If the child process has ended or reads too slowly, no more
-    events are sent to it.
+    parent process ends, the pipe is closed, so the child process detects the end.  If the child
+    process has ended or reads too slowly, no more events are sent to it.  While the robot moves,
+    ``send()`` never waits for the child process.
 
     :param command: the command to run; it reads events from its standard input
     :param stdout: the file for the standard output of the command; None for the standard output of
@@ -154,10 +156,12 @@ class SubscriberProcess:
         """
         Send an event to the process.
 
-        If the pipe is full or the process has ended, no more events are sent, and ``failure`` says
-        why.  Most events do not wait for room in the pipe.  Only ``SessionStarted``,
-        ``MotionPlanned`` and an event that needs several writes wait, for at most
-        PLAN_WRITE_TIMEOUT; these events are not sent while the robot moves.
+        If the pipe is full or the process has ended, this event and all later events are not sent,
+        and ``failure`` says why.
+
+        Some events first wait for room in a full pipe, for at most PLAN_WRITE_TIMEOUT.  These are
+        ``SessionStarted``, ``MotionPlanned`` and events that need several writes.  They are sent
+        only while the robot stands still.
 
         :param event: the event
         """
@@ -231,8 +235,8 @@ class SubscriberProcesses:
     """
     Manages all processes to which one program sends events; it is a context manager.
 
-    At the end of the ``with`` block it sends ``SessionEnded`` to the processes, and waits until
-    they have exited, but only for a limited time.
+    At the end of the ``with`` block, it sends the event ``SessionEnded`` to each process, and
+    waits until the process has exited, but only for a limited time.
     """
 
     def __init__(self, event_bus: EventBus) -> None:
@@ -261,8 +265,8 @@ class SubscriberProcesses:
         """
         Send all events from now on to a process that has already been started.
 
-        At the end of the ``with`` block, processes are closed in the order in which they were
-        added.
+        At the end of the ``with`` block, the pipe to each process is closed, in the order in which
+        the processes were added.
 
         :param subscriber: the process
         """
@@ -316,12 +320,13 @@ class EventFile(SubscriberProcess):
     """
     Stores the events of a drive in an unnamed temporary file; another process writes the file.
 
-    The process that drives does not keep the events in its memory, because Python's garbage
-    collector would search them during the motion.  After a drive of 38 s at 200 Hz, one search
-    took 58 ms (measured).
+    The process that drives the robot does not keep the events in its memory.  Otherwise, Python's
+    garbage collector would search them during the motion, and some velocities would be sent late.
     """
 
     def __init__(self) -> None:
+        # After a drive of 38 s at 200 Hz, one search of the garbage collector took 58 ms
+        # (measured), if the events were kept in memory.
         self._file = tempfile.TemporaryFile()  # noqa: SIM115 (open as long as the object)
         super().__init__([sys.executable, '-I', '-S', '-c', COPY], stdout=self._file)
 
