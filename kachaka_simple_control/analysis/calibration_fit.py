@@ -51,7 +51,7 @@ CHANCE = 4.0
 
 
 class CalibrationError(RunFaultError):
-    """Raised if measurements give no valid calibration; the message says why."""
+    """Raised if measurements give no valid calibration; the text of the error says why."""
 
 
 class Estimate(NamedTuple):
@@ -132,21 +132,19 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
     """
     Compute a calibration from the log of a robot that drove the motion ``calibration``.
 
-    The motion has moving steps, and a rest before and after each of them.  A rest is a step in
-    which the robot stands still.
+    In this motion, the robot stands still before and after each movement.
 
-    The gain of a moving step is its displacement in odometry divided by its requested
-    displacement.  The displacement in odometry is measured from the mean pose in the rest before
-    the step to the mean pose in the rest after the step.
+    The gain is the displacement in odometry divided by the requested displacement.  The
+    displacement in odometry is measured between two mean poses: one from the standstill before the
+    movement, and one from the standstill after it.
 
-    The delay of a moving step is computed from two curves over time: the displacement according to
-    the sent velocities, and the displacement in odometry divided by the gain.  The delay is the
-    area between the two curves, divided by the requested displacement.  If the robot follows with
-    a dead time and a lag of any order, the delay is the dead time plus all time constants.
+    The delay is the mean time between a sent velocity and the movement in odometry.  For a robot
+    that waits for a dead time and then responds like a low-pass filter, the delay is the dead time
+    plus the time constants of the filter.
 
     :param log: the log of the drive
-    :returns: the gains, the delay and the veer (the unwanted turn for each metre), with their
-        standard errors
+    :returns: the gains, the veer and the delay with their standard errors, and the noise of
+        odometry; the veer is the unwanted turn for each metre
     :raises CalibrationError: if the drive was not completed at the planned speed, or a result is
         out of range or too uncertain
     """
@@ -253,6 +251,9 @@ def _drive(
         raise CalibrationError(
             f'{step.step.describe()}: odometry reported {extent.reported:.3f} {unit}: is the '
             'robot held, or is its odometry wrong?')
+    # There are two curves over time: the displacement according to the sent velocities, and the
+    # displacement in odometry divided by the gain.  The delay is the area between them, divided by
+    # the requested displacement.
     area, time, height, theta = 0.0, step.began, 0.0, before.pose.theta
     for sample in odometry:
         if time < sample.time <= end:
@@ -282,10 +283,10 @@ class _StepExtent(NamedTuple):
     :param error: the standard error of the reported displacement
     :param veer: the unwanted turn in odometry for each metre forwards [rad/m]; None if the step is
         a turn in place
-    :param sent_distance: a function that returns the displacement from the start of the step to a
-        pose; the pose is that of a robot that follows the sent velocities exactly
-    :param reported_distance: a function that returns the displacement from the start of the step
-        to a pose; the pose is from odometry
+    :param sent_distance: a function that takes a pose of a robot that follows the sent velocities
+        exactly, and returns the displacement from the start of the step to this pose
+    :param reported_distance: a function that takes a pose from odometry, and returns the
+        displacement from the start of the step to this pose
     """
 
     direction: str

@@ -15,8 +15,8 @@
 The log of a drive: its plans, the sent velocities and the received odometry.
 
 Clock time is the time on the steady clock.  Plan time is the progress of a motion in seconds of
-its plan.  For example, in the middle of a plan of 10 s it is 5 s, even if pauses delayed the
-motion.
+its plan.  For example, the plan time in the middle of a plan of 10 s is 5 s, even if the robot has
+reached this point late because of a pause.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ ROUNDING = 1e-6
 
 class PlanTimeline:
     """
-    Converts between clock time and plan time, by means of the sent messages of a motion.
+    Converts between clock time and plan time, based on the sent messages of a motion.
 
-    Plan time is the progress of the motion in seconds of its plan.  It does not increase in a
-    pause, so a whole pause has one plan time.  This plan time is converted to the clock time at
-    which the pause began.  Between two messages, times are interpolated.
+    Clock time is the time on the steady clock.  Plan time is the progress of the motion in seconds
+    of its plan.  During a pause, plan time keeps its value.  If this value is converted to clock
+    time, the result is the start of the pause.  Times between two messages are interpolated.
 
     :param began: the time t = 0 of the motion [s on the steady clock]
     :param messages: the velocity messages of the motion, in order; the last one is the zero

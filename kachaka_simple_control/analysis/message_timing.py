@@ -84,10 +84,12 @@ class Timing:
     messages.
 
     :param due: the number of ticks
-    :param late: the number of ticks whose message is a quarter to half a period early or late
-    :param lost: the number of ticks without a message within half a period before or after
-    :param interval_errors: for each message that has a next message, the time until the next
-        message minus the time from the tick of the message to the next tick [s]
+    :param late: the number of ticks whose message was sent too early or too late, by at least 1/4
+        and at most 1/2 of the period
+    :param lost: the number of ticks without a message up to 1/2 of the period before or after
+    :param interval_errors: for each pair of consecutive messages, the time between them minus the
+        planned time from the tick of the first message to the next tick [s].  If one message is
+        missing between the two, the value is about one period
     :param lateness: median, 99th percentile and maximum of the absolute time differences between
         messages and their ticks [s]; None without messages
     :param jitter: median, 99th percentile and maximum of the absolute ``interval_errors`` [s];
@@ -149,12 +151,13 @@ def due_times(plan: Plan, until: float) -> list[float]:
     """
     Return the times at which a plan requires messages.
 
-    A plan consists of segments, time intervals with a constant velocity.  A message is due at the
-    start of each segment, and then after each period until the end of the segment.
+    A segment of a plan is a time interval with a constant velocity.  The plan requires a message
+    at the start of each segment, and then after each period until the end of the segment.  The
+    zero velocity at the end of the plan is not included.
 
     :param plan: the plan
     :param until: leave out times at or after this one [s after t = 0]
-    :returns: the times [s after t = 0], in order, without that of the zero velocity at the end
+    :returns: the times [s after t = 0], in order
     """
     times = [segment.start + number * plan.period for segment in plan.segments
              for number in range(ticks(segment, plan.period))]

@@ -102,9 +102,9 @@ class MotionStart:
     The time t = 0 of a drive is the start of its first motion.
 
     :param motion: the log of the motion
-    :param pose: the start pose, relative to the robot's pose at t = 0 of the drive.  It is the
-        planned end pose of the previous motion.  If that motion ended early, the start pose is
-        computed from the sent velocities instead
+    :param pose: the start pose, relative to the robot's pose at t = 0 of the drive.  It is equal
+        to the planned end pose of the previous motion.  If the previous motion ended early, the
+        start pose is computed from the sent velocities instead
     :param time: the start time [s after t = 0 of the drive]; None if the motion never started
     """
 
@@ -138,10 +138,10 @@ class AlignedDrive:
     """
     The plans, messages and odometry of a drive, all relative to the robot's pose at t = 0.
 
-    The time t = 0 is the start of the first motion.  The poses in odometry have another frame, so
-    they are transformed.  The transform is chosen so that one odometry sample gets the pose that
-    is computed from the sent velocities.  This sample is the last one before t = 0 or, if there is
-    none, the first one after t = 0.
+    The time t = 0 is the start of the first motion.  The poses from odometry are transformed from
+    the odometry frame.  At one sample, the transformed pose is set equal to the pose that is
+    computed from the sent velocities.  This is the last sample before t = 0.  If there is none, it
+    is the first sample after t = 0.
 
     :param log: the log of the drive
     """

@@ -14,9 +14,9 @@
 """
 Calibrate odometry with measurements of the robot's movement on the floor.
 
-There are two methods.  The robot drives a straight line of 1 m and turns in place by 360 degrees;
-or it drives squares, with turns to the left and with turns to the right.  The method with squares
-is UMBmark by Borenstein and Feng.
+There are two methods.  In the first method, the robot drives a straight line of 1 m, and turns in
+place by 360 degrees.  In the second method, it drives squares with left turns, and squares with
+right turns.  The second method is UMBmark by Borenstein and Feng.
 """
 
 from __future__ import annotations
@@ -79,10 +79,10 @@ def reported_path(log: DriveLog) -> list[Pose]:
     A rest is a step in which the robot stands still.
 
     :param log: the log of the drive
-    :returns: one list: the mean pose in the first rest, then poses between the rests that are at
-        least 0.1 s apart, then the mean pose in the last rest
-    :raises CalibrationError: if the drive was not completed at the planned speed, does not start
-        and end with a rest, or odometry does not show standstill in these rests
+    :returns: a list: the mean pose in the first rest, then the poses between the two rests at
+        intervals of at least 0.1 s, and then the mean pose in the last rest
+    :raises CalibrationError: if the drive was not completed at the planned speed, if it does not
+        start and end with a rest, or if odometry does not show standstill in these rests
     """
     steps = completed_steps(log)
     odometry = [sample for sample in log.odometry if is_plausible(sample)]
@@ -101,8 +101,10 @@ def reported_displacement(path: Sequence[Pose]) -> tuple[float, float]:
     """
     Return the distance from the first to the last pose [m] and the total heading change [rad].
 
-    :param path: the odometry poses of a drive, so close that the heading changes by less than half
-        a turn from one to the next
+    The distance is that of a straight line.
+
+    :param path: the odometry poses of a drive; between two consecutive poses, the heading must
+        change by less than half a turn
     """
     start, end = path[0], path[-1]
     return math.hypot(end.x - start.x, end.y - start.y), math.fsum(
@@ -115,8 +117,8 @@ def fit_floor(reported_distance: float, measured_distance: float, reported_angle
     Compute the scale and the track ratio of odometry from a straight line and a turn in place.
 
     The scale is the true distance divided by the distance in odometry.  The track ratio is the
-    true wheel separation divided by the one that odometry uses.  It is the scale times the angle
-    in odometry, divided by the true angle.
+    true wheel separation divided by the one that odometry uses.  The track ratio is computed as
+    ``scale * reported_angle / measured_angle``.
 
     :param reported_distance: the distance in odometry [m]
     :param measured_distance: the distance measured with the tape [m]
@@ -207,9 +209,8 @@ def closed_form(
 
     The wheel ratio is the true diameter of the right wheel divided by that of the left wheel.  The
     track ratio is the true wheel separation divided by the one that odometry uses.  The formulas
-    are approximate.  Each ratio is computed once from the errors of the end positions along x, and
-    once from those along y.  The second-order errors of the two results have opposite signs, so
-    their mean is returned.
+    are approximate.  They give two values of each ratio: one from the errors of the end positions
+    along x, and one from the errors along y.  The mean of the two values is returned.
 
     :param squares: the squares, at least one with left turns and one with right turns
     :param track: the wheel separation that odometry uses [m]
@@ -227,6 +228,7 @@ def closed_form(
         bend = track * math.sin(beta / 2.0) / (side / 2.0)
         wheel.append((1.0 + bend / 2.0) / (1.0 - bend / 2.0))
         width.append(math.pi / 2.0 / (math.pi / 2.0 - alpha))
+    # The second-order errors of the two values have opposite signs, so the mean is more accurate.
     return sum(wheel) / 2.0, sum(width) / 2.0
 
 
@@ -237,10 +239,10 @@ def fit_umbmark(squares: Sequence[Square], track: float, scale: float = 1.0) -> 
     The wheel ratio is the true diameter of the right wheel divided by that of the left wheel.  The
     track ratio is the true wheel separation divided by the one that odometry uses.
 
-    This is a least-squares fit.  The residuals are the errors of position and heading at the ends
-    of the driven squares.  The model has no approximation: it corrects each movement between two
-    odometry poses.  The scale cannot be found in this way, because a square of any size ends where
-    it started.
+    This is a least-squares fit.  The residuals are the differences between the measured end poses
+    and the end poses from corrected odometry.  The correction is exact, because it is applied to
+    each movement between two odometry poses.  The scale is not fitted, because it does not change
+    the end pose of an ideal square.
 
     :param squares: the squares, at least one with left turns and one with right turns
     :param track: the wheel separation that odometry uses [m]

@@ -120,8 +120,9 @@ class ArcSegment:
         """
         Return poses at equal distances along the path segment, without the start pose.
 
-        If the heading changes by more than two turns, only the first turn and the part after the
-        last full turn are kept.
+        If the heading changes by more than two turns, the segment is shortened to between one and
+        two turns.  For example, 5.25 turns are shortened to 1.25 turns, because in a plot the
+        other 4 turns would cover the first one.
 
         :param count: the number of poses
         """
@@ -167,8 +168,8 @@ def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:
     """
     Return the points of a polyline that shows consecutive path segments in a plot.
 
-    If there are more than 500 points, lines that cover an earlier line are left out, except the
-    last line of the path.
+    If there are more than 500 points, a line that would be drawn over an earlier line is left out,
+    which causes a gap.  The last line of the path is always kept.
 
     :param segments: the segments, in order; each starts at the end of the previous one
     :param grain: the smallest distance that is visible in the plot [m]
@@ -189,11 +190,11 @@ def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:
 
 def _unique_lines(points: Sequence[Point], grain: float) -> list[Point]:
     """
-    Return a path without the lines that cover an earlier line, except the last line of the path.
+    Leave out the lines of a path that cover an earlier line, but always keep the last line.
 
-    For example, if a robot drives the same square ten times, one square is left.  A line connects
-    two consecutive points.  Two lines cover each other if their end points are equal after
-    rounding to ``grain``.
+    A line connects two consecutive points.  Two lines cover each other if their end points are
+    equal after rounding to ``grain``.  For example, if a robot drives the same square ten times,
+    one square is left.
 
     :param points: the points of the path [m]
     :param grain: the smallest distance that is visible in the plot [m]
@@ -223,7 +224,8 @@ def distinct(poses: Iterable[Pose], grain: float, most: int) -> list[Pose]:
 
     :param poses: the poses, in order
     :param grain: the smallest distance that is visible in the plot [m]
-    :param most: the largest number of poses to return; if there are more, they are selected evenly
+    :param most: the largest number of poses to return; if more poses are left, this number of them
+        is selected evenly
     """
     kinds: dict[tuple[int, int, int], Pose] = {}
     for pose in poses:
@@ -319,15 +321,14 @@ def simplify(points: Sequence[Point], grain: float, most: int) -> list[Point]:
     """
     Reduce each part of a path that is nearly straight to the two end points of this part.
 
-    Matplotlib has a similar setting, path.simplify.  With the same tolerance, it keeps 20 times as
-    many points of a drive of one hour.
-
     :param points: the path [m]
     :param grain: the largest distance of a point from the straight line that replaces it [m],
-        above 0.  It is doubled until at most ``most`` points are left
+        above 0.  While more than ``most`` points are left, this distance is doubled
     :param most: the largest number of points to keep
     :returns: the kept points, among them the first and the last point [m]
     """
+    # Matplotlib's setting path.simplify is similar, but with the same tolerance it keeps 20 times
+    # as many points of a drive of one hour.
     kept = _straighten(points, grain)
     while len(kept) > most:
         grain *= 2.0
@@ -354,11 +355,11 @@ def _straighten(points: Sequence[Point], grain: float) -> list[Point]:
 
 class _Cone:
     """
-    The range of directions in which a line from a start point passes near all added points.
+    The directions in which a straight line from a start point passes near all added points.
 
-    Near means within the tolerance ``grain``.  To simplify a path, its points are added one by one
-    until no straight line passes near all of them.  This is the cone intersection method of
-    Williams (1978) and of Sklansky and Gonzalez (1980).
+    A line passes near a point if the distance between them is at most ``grain``.  To simplify a
+    path, its points are added one by one, until no line passes near all of them.  This is the cone
+    intersection method of Williams (1978) and of Sklansky and Gonzalez (1980).
 
     :param start: the start point of the line [m]
     :param grain: the largest distance of a point from the line [m]
@@ -373,13 +374,14 @@ class _Cone:
 
     def add(self, point: Point) -> bool:
         """
-        Add a point if one straight line passes near it and near all points that were added before.
+        Add a point if a straight line from the start point passes near it and all added points.
 
-        The line must begin at the start point that was given to the constructor.  Near means
-        within the tolerance.
+        A line passes near a point if the distance between them is at most ``grain``.  The start
+        point and ``grain`` were given to the constructor.
 
         :param point: the point [m]
-        :returns: whether the point was added
+        :returns: whether the point was added; it is also not added if the path has turned back
+            towards the start point
         """
         x, y = point[0] - self._start[0], point[1] - self._start[1]
         distance = math.hypot(x, y)

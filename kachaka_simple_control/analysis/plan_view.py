@@ -168,10 +168,12 @@ def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
     """
     Estimate the errors of a simple loop that publishes the velocities of plans.
 
-    Each iteration publishes the current velocity.  Then it sleeps for one period, or for the
-    planned duration of the velocity if this is shorter.  An iteration takes 0.8 ms longer than the
-    sleep.  A step ends with the first iteration that ends at or after the planned end of the step.
-    Then the next step starts.  In this estimate the robot follows each velocity exactly.
+    Each iteration of the loop publishes the current velocity.  Then it sleeps for one period, or
+    for the planned duration of the velocity if this is shorter.  After each iteration, the loop
+    checks the time.  If the planned duration of the step is over, the next step starts.
+
+    The estimate assumes that an iteration takes 0.8 ms longer than its sleep, and that the robot
+    follows each velocity exactly.
 
     :param plans: the plans, in the order in which the robot drives them
     """
@@ -184,6 +186,7 @@ def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
         index = 0
         for step in plan.steps:
             count = bisect_left(plan.segments, step.end, index, key=attrgetter('start')) - index
+            # A repeated step has the same result each time.
             if step.path not in results:
                 results[step.path] = _loop_step(
                     step, plan.segments[index:index + count], plan.period)
@@ -201,8 +204,7 @@ class _LoopStep(NamedTuple):
     """
     The estimated result of one step, if a simple loop publishes its velocities.
 
-    In each iteration the loop publishes a velocity, and then sleeps for at most one period.  A
-    repeated step has the same result each time.
+    In each iteration the loop publishes a velocity, and then sleeps for at most one period.
 
     :param end: the robot's end pose, relative to its pose at the start of the step
     :param duration: the duration of the step [s]

@@ -71,10 +71,10 @@ def segment_odometry(
     """
     Return the times at which to divide the odometry of a drive into its steps.
 
-    Usually the boundary between two steps is the time at which the second step starts.  But the
-    robot and odometry follow the sent velocities with a delay, and odometry is sampled.  So a
-    boundary between movement and standstill is moved by ODOMETRY_DELAY (0.06 s) into the
-    standstill.  The robot stands still in a waiting step, and in a pause at the start of a step.
+    Usually two steps are divided at the time at which the second one starts.  If the robot moves
+    in only one of the two steps, this time is shifted by ODOMETRY_DELAY (0.06 s) into the
+    standstill.  So the whole movement counts for the moving step, although odometry is delayed.
+    The robot stands still in a waiting step, and in a pause at the start of a step.
 
     If the drive starts with a waiting step, and odometry begins during this step, the first time
     is that of the first odometry sample.

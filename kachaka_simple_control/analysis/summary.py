@@ -55,7 +55,7 @@ class Outcome:
     """
     The outcome of a drive: how it ended, and why.
 
-    :param kind: the way in which the drive ended, for example completed or stopped
+    :param kind: the way in which the drive ended, for example done or stopped
     :param headline: the outcome in a few words
     :param reason: sentences that say why the drive ended, and how far it came
     """
@@ -196,10 +196,11 @@ class SpeedInterval:
     @property
     def step(self) -> PlannedStep:
         """
-        Return the current step of the motion at the start of the interval.
+        Return the step in which the interval starts.
 
-        If the interval is a pause, return the current step at its end instead.
+        If the interval is a pause, return the step in which the robot is paused.
         """
+        # The motion can still advance at the start of a pause, but not at its end.
         plan = self.motion.plan
         return plan.steps[plan.step_index(self.plan_end if self.is_pause else self.plan_begin)]
 
@@ -339,7 +340,7 @@ class Summary:
         """
         Return the last odometry sample since the first motion started; None if there is none.
 
-        Samples later than 1 s after the last sent message do not count.
+        Samples that were received more than 1 s after the last sent message are ignored.
         """
         return self.aligned.odometry[-1] if self.aligned.odometry else None
 
@@ -370,7 +371,8 @@ class Summary:
         Return the distance and the heading difference between the expected and the real end pose.
 
         The real end pose is the last pose from odometry.  The expected end pose is computed from
-        the sent velocities for the same time.  Return None if there is no odometry.
+        the velocities that were sent until the time of this pose.  Return None if there is no
+        odometry.
         """
         return None if self.last_seen is None else Displacement(
             self.last_seen.distance, self.last_seen.angle)
