@@ -76,9 +76,9 @@ class StepLogger:
         """
         Return the new lines to print for the current status; usually there are none.
 
-        One line is printed when a new step begins, but at most one such line each 0.5 s.  The next
-        line then says how many steps had no line.  One line is printed during the first wait for
-        the robot that takes at least 2 s.
+        There is a line for each new step, but at most one in 0.5 s.  If some steps had no line,
+        the next line says how many.  There is also a line when the program has waited for the
+        robot for 2 s; later waits have no line.
 
         :param status: the current status of the drive
         :param now: the time of this status [s on the steady clock]
@@ -148,8 +148,7 @@ class LineRenderer:
         Two threads call this method: the thread that reads the events, and the thread that draws.
 
         :param status: the status of the drive at the time of the event
-        :param now: the time of the event [s on the steady clock]; it is in the past if this
-            program reads the event late
+        :param now: the time of the event, even if the event is read later [s on the steady clock]
         """
         with self._lock:
             for line in self._logger.update(status, now):
@@ -168,7 +167,7 @@ class PanelRenderer(LineRenderer):
     :param write: a function that writes a text to the terminal with a single system call
     :param size: a function that returns the size of the terminal
     :param render: a function that takes the width of the terminal, the status of the drive and a
-        hint, and returns the lines of the panel
+        text that says how to stop the robot, and returns the lines of the panel
     """
 
     #: a panel is drawn at most 5 times a second
@@ -328,9 +327,9 @@ def describe_killed(tracker: DriveTracker) -> str:
     """
     Return a line for the user, to print after the driving program was killed.
 
-    If a motion was running, the line also says what stops the robot.  This is the guardian, a
-    separate process that the driving program has started; without a guardian, it is only the robot
-    itself.
+    If a motion was running, the line also says whether a guardian stops the robot.  The guardian
+    is a separate process that the driving program can start.  Without a guardian, nothing stops
+    the robot except the robot itself.
 
     :param tracker: the object that has followed the status of the driving program
     """

@@ -74,8 +74,8 @@ class StepStatus:
     """
     The status of the current step of a motion.
 
-    The step is shown as a numbered step of the motion, or as a numbered movement.  A movement is
-    one call of a method that drives the robot.
+    The display counts either the steps of the motion or the movements.  A movement is one call of
+    a method that drives the robot, such as ``move_robot``.
 
     :param number: the number of the step or movement, from 1
     :param count: the total number of steps or movements; None if unknown
@@ -123,8 +123,8 @@ class DriveStatus:
     :param odometry_age: the age of the last odometry sample [s]; 0 without odometry
     :param factors: the speed factors below 1, by the name of their source, such as ``pause``; the
         product of all speed factors is the speed relative to the plan
-    :param silent_for: for how long the program has sent no velocity during a motion [s]; None if
-        this time is at most EVENT_TIMEOUT (1 s), or if no motion runs
+    :param silent_for: the time since the last velocity was sent [s]; None if it is at most
+        EVENT_TIMEOUT (1 s), or if no motion is running
     """
 
     state: DriveState
@@ -216,7 +216,7 @@ class StepOdometer:
         """
         Return the distance and the angle that the robot has moved since the start of a step.
 
-        If the last added movement belongs to another step, return 0 for both.
+        If the last added movement belongs to a different step, the distance and the angle are 0.
 
         :param step: the index of the step in the plan, from 0
         """

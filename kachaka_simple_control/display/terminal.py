@@ -19,7 +19,7 @@ terminal, and their output scrolls above these fixed rows.  Each text for the fi
 written in one call, so that no other output comes in between.
 
 A program should read keys only while it is in the foreground of the terminal.  The display process
-never is, so the driving program reads the keys, and only while it is in the foreground.
+is never in the foreground.  So the driving program reads the keys, while it is in the foreground.
 
 The driving program imports this module.  So this module must load quickly, and does not use the
 library rich.
@@ -145,8 +145,10 @@ class Keyboard:
 
     If ``functions`` is empty, or standard input is not a terminal, it does nothing.
 
-    :param functions: the function to call for each key, by character; other keys are ignored
-    :param warn: a function to call with the text of each ControlError that a key's function raises
+    :param functions: a dictionary from a character to the function that is called when the user
+        types it; other characters are ignored
+    :param warn: a function that takes a text; it is called with the text of a ControlError that
+        one of these functions raises
     """
 
     def __init__(
