@@ -332,9 +332,9 @@ def histogram(values: Sequence[float]) -> tuple[float, list[int]]:
     """
     Count how many values belong to each bar of a histogram.
 
-    All bars have the same width, and the middle bar has its centre at zero.  While the
-    first and the last bar are both empty, both are removed, but at least 11 bars are kept.  Values
-    that are infinite or NaN are not counted.
+    All bars have the same width, and the middle bar has its centre at zero.  Empty bars at the
+    left and the right end are removed in pairs, so that the middle bar stays in the middle.  At
+    least 11 bars are kept.  Values that are infinite or NaN are not counted.
 
     :param values: the values [ms]
     :returns: the distance from zero to each end of the histogram [ms], and the count of each bar

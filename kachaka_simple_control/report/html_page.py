@@ -132,11 +132,12 @@ def _degrees(angle: float, digits: int = 2) -> str:
 
 def _ended(summary: Summary) -> tuple[str, str]:
     """
-    Return two texts: the error of a drive's end pose, and the pose to which it was compared.
+    Return two texts: the error of a drive's end pose, and the reference pose of this error.
 
-    If all motions were completed, the last pose from odometry is compared to the planned end pose.
-    Otherwise, it is compared to the pose that is expected from the sent velocities.  Without
-    odometry, the texts say that the error is unknown.
+    The error is the difference between the last pose from odometry and the reference pose.  If all
+    motions were completed, the reference pose is the planned end pose.  Otherwise, it is the pose
+    that is expected from the sent velocities.  Without odometry, the first text is ``unknown``,
+    and the second text gives the reason.
 
     :param summary: the results of the drive
     """
@@ -196,8 +197,8 @@ def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
     A table with more than 1000 rows keeps only its first 500 and its last 500 rows.
 
     :param rows: all rows of the table
-    :returns: a pair of number and content for each row; if rows are left out, the pair in the
-        middle has the number of these rows, and None instead of a content
+    :returns: for each row, a pair of its number and its content; if rows are left out, their place
+        is taken by one pair of the count of these rows and None
     """
     numbered: list[tuple[int, T | None]] = list(enumerate(rows, 1))
     left_out = len(rows) - 2 * SHOWN
@@ -210,13 +211,15 @@ def _step_tables(summary: Summary) -> tuple[list[StepRow], list[StepRow]]:
     """
     Return the rows of a short and of a long table of the steps that the robot drove.
 
-    A step is a part of a motion, for example a turn.  With at most MAX_ROWS steps, the short table
-    shows all steps, and the long table is empty.  With more steps, the short table shows only
-    the first and the last repetition of each step, and leaves out its middle if it is still too
-    long.  The long table then shows up to 1001 steps; if there are more, it shows only the first
-    500 and the last 500.
+    A step is a part of a motion, for example a turn.  If there are at most MAX_ROWS steps, the
+    short table shows all of them, and the long table is empty.
+
+    If there are more steps, the short table shows only the first and the last repetition of each
+    step.  If it is then still too long, its middle is left out.  The long table shows all steps.
+    If there are more than 1001 steps, it shows only the first 500 and the last 500.
 
     :param summary: the results of the drive
+    :returns: the rows of the short table, and the rows of the long table
     """
     results = summary.steps
     keys = [(result.motion, result.log.planned.path, result.log.step, result.log.is_complete,

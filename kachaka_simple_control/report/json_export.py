@@ -166,12 +166,12 @@ def _timing(summary: Summary) -> Fields:
 
 def _speed(summary: Summary) -> Fields:
     """
-    Return the field of a JSON object that tells when a drive was paused or slower than planned.
+    Return the times at which a drive was paused or slower than planned, for a JSON file.
 
     :param summary: the results of the drive
-    :returns: the field ``speed``, an object with two fields: the total time of all pauses, and the
-        time intervals between changes of the speed setting; an empty dictionary if the whole drive
-        had the planned speed
+    :returns: a dictionary with the key ``speed``; empty if the whole drive had the planned speed.
+        The value of ``speed`` is a dictionary with the total time of all pauses, and with a list
+        of time intervals in which the speed relative to the plan was constant
     """
     if not summary.speed:
         return {}

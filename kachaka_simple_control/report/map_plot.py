@@ -203,7 +203,7 @@ def step_places(
     segment of its path.  Steps with nearly the same point share one point.
 
     :param steps: for each step, its number and the segments of its path
-    :param grain: about the distance [m] below which two points become one
+    :param grain: the approximate distance [m]; two points that are closer become one point
     """
     places: dict[tuple[int, int], StepPlace] = {}
     for number, segments in steps:
@@ -258,8 +258,8 @@ def draw_directions(axes: Axes, segments: Iterable[ArcSegment], grain: float, co
 
     :param axes: the axes of a map
     :param segments: the parts of the path with constant curvature
-    :param grain: about the distance [m] below which two arrow heads with the same direction are
-        drawn as one
+    :param grain: the approximate distance [m]; two arrow heads that are closer and have the same
+        direction are drawn as one
     :param colour: the colour of the arrow heads
     """
     middles = (segment.middle for segment in segments if segment.distance)

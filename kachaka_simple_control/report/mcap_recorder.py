@@ -159,13 +159,12 @@ def stamp(epoch: float, time: float) -> int:
     """
     Convert a time of the steady clock to nanoseconds since 1970.
 
-    The two arguments are rounded separately, because a sum of floats would lose digits.  With the
-    same epoch, the difference of two results equals the difference of the two times, rounded to
-    nanoseconds.
+    Two results with the same epoch have the correct difference to about 1 ns.
 
     :param epoch: the date and time at which the steady clock is zero [s since 1970]
     :param time: the time [s on the steady clock]
     """
+    # Each part is rounded separately, because a sum of floats would lose digits.
     return round(epoch * cdr.NANO) + round(time * cdr.NANO)
 
 

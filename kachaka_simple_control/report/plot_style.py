@@ -169,15 +169,16 @@ def draw_line(axes: Axes, points: Sequence[tuple[float, float]], **look: Any) ->
 
 def round_step(size: float) -> float:
     """
-    Round a distance between the ticks of an axis up to 1, 2 or 5 times a power of ten.
+    Round the distance between two ticks of an axis up to 1, 2 or 5 times a power of ten.
 
-    Both axes of a map need the same tick distance.  This function computes it, because matplotlib
-    would choose it for each axis separately.
+    For example, 0.3 is rounded up to 0.5.
 
     :param size: the smallest allowed tick distance, above 0
     """
     from matplotlib.ticker import MaxNLocator
 
+    # A map needs the same tick distance on the x axis and on the y axis.  It is computed here,
+    # because matplotlib would choose a distance for each axis separately.
     # The size is reduced slightly, because a rounding error may have made it too large.
     locator = MaxNLocator(1, steps=(1, 2, 5, 10), min_n_ticks=1)
     first, second, *_ = locator.tick_values(0.0, size * (1.0 - 1e-9))

@@ -209,8 +209,8 @@ def guardian_stop(file: int, slot: int) -> VelocitySent | None:
     """
     Wait until the guardian has stopped the robot, and return the first zero velocity that it sent.
 
-    The guardian is a separate process that stops the robot if the driving program was killed.  It
-    stores the time of its stop in memory that it shares with the driving program.
+    The guardian is a separate process that stops the robot if the driving program was killed.
+    When it does so, it stores the time in memory that it shares with the driving program.
 
     :param file: the file descriptor of the shared memory
     :param slot: the index of the robot in this memory

@@ -49,8 +49,8 @@ class Column(NamedTuple):
     :param name: the name of the column
     :param unit: the unit of the cells; empty if they have no unit, or if each cell contains its
         unit
-    :param spare: 0 if the column must always be shown; in a table that is too wide, the columns
-        with other numbers are left out one after the other, the smallest number first
+    :param spare: the order in which columns are left out of a table that is too wide: the column
+        with 1 first, then the column with 2, and so on; a column with 0 is never left out
     """
 
     name: str
@@ -69,11 +69,13 @@ def terminal_columns() -> int | None:
 def columns(head: Sequence[Column], rows: Sequence[Row], widest: int = WIDEST,
             totals: int = 0) -> list[str]:
     """
-    Return a table as lines of text; a column with only empty cells is left out.
+    Return a table as lines of text.
 
-    Text is left-aligned.  Numbers, and all cells of a column with a unit, are right-aligned.
-    While the table is too wide, columns whose ``spare`` is not 0 are left out one after the other.
-    If it is still too wide, the text in the widest columns is cut.
+    A column is left out if its heading and all its cells are empty.  Whole numbers, and all cells
+    of a column with a unit, are right-aligned.  Other cells are left-aligned.
+
+    While the table is too wide, columns whose ``spare`` is not 0 are left out one after the other,
+    the smallest ``spare`` first.  If it is still too wide, the text in the widest columns is cut.
 
     :param head: the headings of the columns
     :param rows: the rows, with one cell per column
