@@ -64,7 +64,7 @@ class SimulationParameters:
     :param linear_acceleration: largest forward acceleration [m/s^2]
     :param angular_acceleration: largest turning acceleration [rad/s^2]
     :param linear_gain: gain of the forward velocity: the velocity in odometry divided by the
-        commanded velocity
+        commanded velocity.  With a gain of 0.9, a command of 1 m/s gives 0.9 m/s
     :param backward_gain: additional factor when the robot drives backwards: the gain is then
         ``linear_gain`` times ``backward_gain``
     :param angular_gain: gain of the turning velocity: the velocity in odometry divided by the
@@ -72,13 +72,15 @@ class SimulationParameters:
     :param right_gain: additional factor when the robot turns to the right: the gain is then
         ``angular_gain`` times ``right_gain``
     :param veer: the unwanted turn to the left for each metre forwards, in odometry [rad/m]
-    :param odometry_scale: true distance divided by the distance in odometry on a straight line
+    :param odometry_scale: true distance divided by the distance in odometry on a straight line.
+        With a scale of 0.98, the robot has driven 0.98 m when odometry shows 1 m
     :param wheel_ratio: true diameter of the right wheel divided by that of the left wheel;
         odometry assumes 1
     :param track_ratio: true track, the distance between the wheels, divided by the track that
         odometry uses
-    :param velocity_noise: standard deviation of the forward and the turning velocity, divided by
-        the velocity; the noise changes each millisecond of motion
+    :param velocity_noise: standard deviation of the forward and of the turning velocity, each
+        divided by the velocity: 0.1 is a noise of 10 %.  New random values are drawn once per
+        millisecond of motion
     :param odometry_noise: standard deviation of x and of y in odometry [m]; the noise changes
         every 20 ms and does not add up, so odometry does not drift
     :param heading_noise: standard deviation of the heading in odometry [rad]; the noise changes
@@ -135,7 +137,7 @@ class SimulationParameters:
     @property
     def floor(self) -> OdometryCalibration | None:
         """
-        Return the calibration for the systematic errors of odometry, for example its scale.
+        Return the calibration that corrects the systematic errors of odometry.
 
         :returns: the calibration, which converts motion in odometry to true motion on the floor;
             None if odometry has no systematic errors
@@ -226,10 +228,7 @@ class DriveModel:
     It starts at rest at the origin.  The parameter ``now`` of each method is the current time [s],
     which must not decrease from call to call.
 
-    The model stores the pose and the velocity each time the drive begins to follow a command.
-    Unless the drive is ideal, it also stores them once per millisecond of motion.  All later
-    values are computed from the last stored values, so the result of a method does not depend on
-    how often the methods were called before.
+    The results depend only on the commands and the time, not on how often a method is called.
 
     :param parameters: the deviations from an ideal robot
     :param start: the time at the start [s]
@@ -242,6 +241,9 @@ class DriveModel:
         self._start = start
         self._seed = seed
         self._random = random.Random(seed)
+        # The state is stored each time the drive begins to follow a command, and, unless the drive
+        # is ideal, once per millisecond of motion.  All later values are computed from the last
+        # stored state, so the number of calls does not change the results.
         self._state = _State(start, ORIGIN, ORIGIN, ZERO)
         self._target = ZERO
         #: the commands that the drive does not follow yet, each with the time [s] at which the
@@ -351,11 +353,11 @@ class DriveModel:
 
     def _advance(self, now: float) -> None:
         """
-        Compute the state of the model in steps of 1 ms, and store the state after the last step.
+        Compute and store the state of the model in steps of 1 ms, up to the current time.
 
-        Each step ends a whole number of milliseconds after the start of the model.  The last step
-        ends at ``now`` or less than 1 ms earlier.  For an ideal drive, this method does nothing.
-        If the robot is at rest, it computes no steps, and stores only the time.
+        Only whole steps are computed, so the time of the stored state is ``now`` or less than 1 ms
+        earlier.  For an ideal drive, nothing is computed or stored.  While the robot is at rest,
+        only the time is stored.
 
         :param now: the current time [s]
         """

@@ -89,7 +89,9 @@ class GrpcServer:
 
     def call(self, function: Callable[[SimulatedKachaka, float], T]) -> T:
         """
-        Run a function in the server's event loop, between two gRPC calls, and wait for its end.
+        Run a function in the server's event loop, and return what the function returns.
+
+        No gRPC call is executed while the function runs.
 
         Call this method only from a thread that does not run the event loop.
 
@@ -107,8 +109,8 @@ class GrpcServer:
         """
         Make the server read its clock again.
 
-        A test that sets the time of the clock itself must call this method after each change of
-        the time.
+        This is for tests that set the time of the clock.  Such a test must call this method after
+        each change of the time.
         """
         self.call(lambda *_: None)
 

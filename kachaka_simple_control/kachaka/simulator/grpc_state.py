@@ -50,11 +50,11 @@ class Clock:
 
     def delay(self, until: float) -> float | None:
         """
-        Return how long the server may wait until the steady clock has reached a time.
+        Return how long the server must wait until the steady clock reaches a time.
 
         :param until: the time [s, steady clock]
         :returns: the duration of the wait [s]; 0 if the time has passed.  A subclass for tests
-            returns None, which means that the wait lasts until the test wakes the server
+            returns None: the server then waits until the test wakes it
         """
         return max(until - self.now(), 0.0)
 
@@ -122,8 +122,8 @@ class SimulatorState:
         """
         Return a new cursor, a number that identifies one version of a value.
 
-        The number is larger than all cursors that this process, or an earlier process, has
-        returned since the start of this machine.
+        It is larger than every cursor that was returned since the start of this machine, also by
+        earlier processes.
         """
         # The cursors of the real robot are times, too.
         self._cursor = max(self._cursor + 1, int(self.now() * 1e9))

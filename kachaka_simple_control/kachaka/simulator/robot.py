@@ -66,7 +66,7 @@ class TimedState(Enum):
 
 class SimulatedKachaka:
     """
-    A simulated Kachaka that behaves like the real robot behind its gRPC service.
+    A simulated Kachaka that behaves as the real robot does when it is controlled over gRPC.
 
     The robot follows velocities while manual control is on.  Otherwise it can execute tasks, which
     are sequences of motions and standstills.  The manufacturer does not document all behaviour of
@@ -338,8 +338,8 @@ class SimulatedKachaka:
         """
         Simulate the robot until a given time.
 
-        If a state of the robot, such as manual control, has an end time up to the given time, the
-        simulation ends the state at its end time.
+        Some states of the robot, such as manual control, have an end time.  If the end time is
+        not later than the given time, the state ends at its end time.
 
         :param now: the given time [s, steady clock]
         :returns: the latest time of this call and all earlier calls [s, steady clock]

@@ -53,8 +53,8 @@ class MotionAction:
     """
     An action that moves the robot: one straight line or one turn in place.
 
-    :param length: a function that returns the distance [m], negative backwards, or the angle
-        [rad], counter-clockwise positive; its argument is the pose at the start of the action
+    :param length: a function whose argument is the pose at the start of the action; it returns the
+        distance [m], negative backwards, or the angle [rad], counter-clockwise positive
     :param is_turn: true for a turn, false for a straight line
     :param speed: the largest speed [m/s or rad/s]; 0 for the largest speed of the robot
     """
@@ -140,7 +140,7 @@ class ActionController:
     The controller of one action: a straight line, a turn in place, or a standstill.
 
     For a motion, it computes each velocity from the current pose (closed loop).  So the robot
-    reaches the goal although its drive has a wrong gain or noise.
+    reaches the goal even if its drive is noisy or has a wrong gain.
 
     :param action: the action
     :param start: the pose at the start of the action
@@ -222,7 +222,7 @@ class Task:
     :param identity: the unique name of the task
     :param actions: the lines, turns and standstills, in order
     :param ends_docked: whether the robot is on its dock after the last action
-    :param note: data of the client, stored with the task
+    :param note: any data that the client stores with the task; the task does not use them
     """
 
     identity: str
