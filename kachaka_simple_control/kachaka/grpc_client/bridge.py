@@ -86,17 +86,18 @@ class GrpcBridge(BridgeNode):
     """
     The ROS 2 node that controls a real robot over gRPC.
 
-    The node uses several threads.  One thread only receives velocities.  A second thread runs all
-    other ROS callbacks of the node, for example that of the service.  Further threads get odometry
-    and errors from the robot, and publish them as odometry and diagnostics.
+    The node uses several threads.  The first thread receives velocities and does nothing else.
+    The second thread runs all other ROS callbacks of the node, for example that of the service.
+    Further threads request odometry and errors from the robot, and publish odometry and
+    diagnostics.
 
     :param robot: the connected robot
     :param namespace: the ROS namespace of the topics and the service
     :param frame_prefix: a text before the frame names in odometry; no separator is added
     :param give_up: a function that is called if a motion is aborted because the robot refuses to
         move or does not respond; its argument is the reason
-    :param on_conflict: a function that is called if another bridge that uses the same topic names
-        is discovered after this node was created; its argument is a text that describes the other
+    :param on_conflict: a function that is called if a second bridge with the same topic names
+        appears after this node was created; its argument is a text that describes the second
         bridge
     :raises RobotTakenError: if another bridge already uses the same topic names
     """

@@ -82,9 +82,9 @@ class StreamTimeout:
     """
     A timeout that detects when a publisher no longer sends velocities.
 
-    The timeout expires 0.25 s after the last velocity.  It is active only if velocities come
-    regularly: since the last zero velocity, at least two velocities were received, and no gap
-    between them was longer than 0.15 s.
+    The timeout expires 0.25 s after the last velocity, but only if the publisher sends regularly.
+    This means that at least two velocities were received since the last zero velocity, with at
+    most 0.15 s from one velocity to the next.
     """
 
     def __init__(self) -> None:
@@ -112,8 +112,8 @@ class StreamTimeout:
         """
         Return the time at which the timeout expires [s, steady clock], or None.
 
-        None means that the timeout is not active: since the last zero velocity, fewer than two
-        velocities were received, or a gap between them was longer than 0.15 s.
+        None means that the publisher does not send regularly.  Since the last zero velocity, fewer
+        than two velocities were received, or more than 0.15 s passed from one to the next.
         """
         if self._last is None or self._longest is None or self._longest > MAX_STREAM_PERIOD:
             return None
@@ -253,8 +253,8 @@ class RpcRequest:
     """
     A gRPC call to the robot that must be made now.
 
-    :param kind: whether the call sends a velocity that is not zero, sends a zero velocity, or
-        enables manual control, the mode in which the robot follows velocities
+    :param kind: what the call does: it sends a velocity that is not zero, sends a zero velocity,
+        or enables manual control, the mode in which the robot follows velocities
     :param command: the velocity to send; None for a call that enables manual control
     :param deadline: the longest time to wait for the robot's response [s]
     """
@@ -268,17 +268,22 @@ class CommandArbiter:
     """
     Decides which gRPC calls to make for the velocities that are received.
 
-    The class makes no calls itself: ``next_request()`` returns a call, and ``on_response()`` gets
-    its result.  A stop is a zero velocity; a motion is any other velocity.  A motion is sent only
-    when no other call is in progress.  A stop is sent at once, even if a motion call is in
-    progress.  The robot can then receive the stop before the motion.  So after the motion call,
-    the stop is sent again, unless a newer motion waits.
+    The class makes no calls itself.  ``next_request()`` returns the next call to make, and the
+    caller passes the result of the call to ``on_response()``.  In this class, a stop is a zero
+    velocity, and a motion is any other velocity.
 
-    After a fault, motions are blocked until the publisher of the velocities sends a zero velocity,
-    or sends nothing for 1 s.  A fault is a lost connection, a refused call other than a stop,
-    three motion calls in a row without a response in time, or a suspension of this process.  One
-    refusal is no fault: the robot refuses a motion while its manual control is off.  Manual
-    control is then enabled, and the motion is sent again.
+    A motion is sent only when no other call is in progress.  A stop is sent at once.  If a motion
+    call is in progress at that time, the robot can receive the stop before the motion.  Therefore,
+    the stop is sent again after the motion call, unless a newer motion waits.
+
+    If the robot refuses a motion because its manual control is off, manual control is enabled and
+    the motion is sent again.  After one of the following faults, motions are ignored until the
+    publisher of the velocities sends a zero velocity, or sends nothing for 1 s:
+
+    - The connection is lost.
+    - The robot refuses a motion for another reason, or refuses to enable manual control.
+    - Three motion calls in a row get no response in time.
+    - This process was suspended.
 
     :param command_timeout: how long the robot follows a velocity if it receives no new one [s]
     """
@@ -378,7 +383,8 @@ class CommandArbiter:
         Allow no gRPC calls until ``on_connected()`` is called, and drop all waiting velocities.
 
         If the robot may be moving, the first gRPC call after ``on_connected()`` is a stop.  New
-        velocities are ignored until their publisher sends a zero velocity, or nothing for 1 s.
+        velocities are ignored until their publisher sends a zero velocity, or sends nothing for
+        1 s.
         """
         self._is_connected = False
         self.block_motion()
@@ -398,7 +404,8 @@ class CommandArbiter:
         Stop the robot after this process was suspended, because received velocities may be old.
 
         All waiting velocities are dropped, and a stop is sent if the robot may be moving.  New
-        velocities are ignored until their publisher sends a zero velocity, or nothing for 1 s.
+        velocities are ignored until their publisher sends a zero velocity, or sends nothing for
+        1 s.
 
         :param now: the current time [s, steady clock]
         """

@@ -214,8 +214,9 @@ class RobotDriver:
         """
         Stop the robot if a wait or a call took so long that this process must have been suspended.
 
-        The reason is that received velocities may be old after a suspension.  New velocities are
-        ignored until their publisher sends a zero velocity, or nothing for 1 s.
+        The robot must stop, because received velocities may be old after a suspension.  New
+        velocities are ignored until their publisher sends a zero velocity, or sends nothing for
+        1 s.
 
         :param begun: the start time of the wait or the call [s, steady clock]
         :param allowed: the time limit of the wait or the call [s]
@@ -396,8 +397,8 @@ class OdometryPoller(Poller):
         no odometry is requested
     :param publish: a function that is called with each new odometry message of the robot
     :param on_result: a function that is called with the result and the start time of each gRPC
-        call; not called after a timeout, because a timeout gives no information about the
-        connection
+        call.  It is not called after a timeout, because a timeout can also mean that the robot has
+        no new odometry
     """
 
     def __init__(
