@@ -149,10 +149,10 @@ def _bridge(
 
     :param options: the parsed command line options
     :param parameters: the parameters of the simulated robot; not used for a real robot
-    :param fault: a function that ends the program; used if a motion of a real robot is aborted and
-        the option ``--give-up`` is set
-    :returns: the function; it has the keyword arguments ``namespace``, ``frame_prefix`` and
-        ``on_conflict`` of the node
+    :param fault: the object that ends the program after a fault.  With the option ``--give-up``,
+        an aborted motion of a real robot is such a fault
+    :returns: the function, which takes the keyword arguments ``namespace``, ``frame_prefix`` and
+        ``on_conflict``
     :raises ExitError: if the SDK of the real robot is not installed
     :raises RobotNotFoundError: if the real robot does not respond
     """

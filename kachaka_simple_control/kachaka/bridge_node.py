@@ -64,12 +64,12 @@ class BridgeNode(Node):
     simulated robot.
 
     :param namespace: the ROS namespace of the topics and the service
-    :param on_conflict: a function that is called if another bridge that uses the same topic names
-        is discovered after this node was created; its argument is a text that describes the other
+    :param on_conflict: a function that is called if a second bridge with the same topic names
+        appears after this node was created; its argument is a text that describes the second
         bridge
     :raises RobotTakenError: if another bridge already uses the same topic names
-    :raises UsageError: if a name is invalid, or if remapping gives two topics or two services of
-        the node the same name
+    :raises UsageError: if a name is invalid, or if two topics or two services of the node have the
+        same name after remapping
     """
 
     def __init__(
@@ -175,17 +175,17 @@ class SimulatedBridge(BridgeNode):
     The node that connects a simulated robot to ROS 2.
 
     The node behaves like the manufacturer's own ROS 2 bridge of a real robot.  The robot follows
-    velocities only while its manual control is on.  If a velocity is received while manual control
-    is off, the node switches manual control on, but the robot does not follow this velocity.  A
-    zero velocity also switches manual control on.  The simulated robot, not the node, clips
-    velocities to its limits, and stops if it receives no new velocity for 0.3 s.  The node logs
-    the robot's pose when manual control is switched off, or at the latest in ``close()``.
+    velocities only while its manual control is on.  If any velocity, even zero, is received while
+    manual control is off, the node switches manual control on, but the robot does not follow this
+    velocity.  The simulated robot clips velocities to its limits.  It stops if it receives no new
+    velocity for 0.3 s.  The node logs the robot's pose when manual control is switched off.  If
+    nobody switches it off, ``close()`` logs the pose.
 
     :param robot: the simulated robot
     :param namespace: the ROS namespace of the topics and the service
     :param frame_prefix: a text before the frame names in odometry; no separator is added
-    :param on_conflict: a function that is called if another bridge that uses the same topic names
-        is discovered after this node was created; its argument is a text that describes the other
+    :param on_conflict: a function that is called if a second bridge with the same topic names
+        appears after this node was created; its argument is a text that describes the second
         bridge
     :raises RobotTakenError: if another bridge already uses the same topic names
     """

@@ -58,7 +58,8 @@ def simulated_bridge(
     After the block, the process is always ended.
 
     :param namespace: the ROS namespace of the robot's topics and service
-    :param options: more command line options for the child process, the program ``kachaka_bridge``
+    :param options: additional command line options for ``kachaka_bridge``, the program that the
+        child process runs
     :returns: a context manager, which gives the block a ``BridgeProcess``
     :raises RobotNotFoundError: if another bridge already uses the same ROS names
     :raises ControlError: if the process ends before the block ends; an error that the block has
@@ -74,8 +75,9 @@ def real_bridge(address: str, namespace: str = KACHAKA.namespace) -> Iterator[Br
     Connect a real robot to ROS 2 in a child process, during a ``with`` block.
 
     The block starts when the robot has responded.  After the block, the process is always ended.
-    The process ends earlier if the robot refuses to move, or if the gRPC connection is lost during
-    a motion.  A motion that the block commands over ROS then ends, too.
+    The process ends before the end of the block in two cases: the robot refuses to move, or the
+    gRPC connection is lost during a motion.  A motion that the code in the block has started then
+    ends, too.
 
     :param address: the network address of the robot, HOST or HOST:PORT
     :param namespace: the ROS namespace of the robot's topics and service
@@ -108,12 +110,12 @@ def _running(process: BridgeProcess) -> Iterator[BridgeProcess]:
 
 class BridgeProcess:
     """
-    The program ``kachaka_bridge``, which connects a robot to ROS 2, as a child process.
+    A child process that runs ``kachaka_bridge``, which connects a robot to ROS 2.
 
-    The child process runs in its own POSIX session, so Ctrl+C in the terminal does not reach it.
-    The parent process can then stop the robot before it ends the child.  The standard input of the
-    child is a pipe from the parent.  If the parent ends, even by SIGKILL, the pipe closes and the
-    child ends, too.
+    The child process runs in its own POSIX session, so Ctrl+C in the terminal does not end it.
+    After Ctrl+C, the parent process can therefore stop the robot first, and then end the child.
+    The standard input of the child is a pipe from the parent.  If the parent ends, even by
+    SIGKILL, the pipe closes and the child ends, too.
 
     :param options: the command line options of the child process
     :param name: the name of the child process in error messages
@@ -238,9 +240,9 @@ class OwnSimulation:
 
     When the node ends the simulated robot, a table of the driven motions is printed.
 
-    :param profile: the description of the robot that the node drives; it must be a Kachaka
+    :param profile: the profile of the robot that the node drives; the robot must be a Kachaka
     :param namespace: the ROS namespace of the robot
-    :raises UsageError: if the profile is not a Kachaka, or if an earlier node of the same process
+    :raises UsageError: if the robot is not a Kachaka, or if an earlier node of the same process
         still runs a simulated robot in this namespace
     """
 
@@ -264,9 +266,9 @@ class OwnSimulation:
         """
         End the simulated robot, and print a table of the driven motions.
 
-        For each motion, the table compares three distances or angles: as requested, as computed
-        from the sent velocities, and as measured by odometry.  No table is printed if there was no
-        motion.  A second call has no effect.
+        For each motion, the table has three values of the distance or the angle: the requested
+        value, the value computed from the sent velocities, and the value in odometry.  If
+        there was no motion, no table is printed.  A second call has no effect.
 
         :param drive_log: the record of the drive, from which the table is made
         :param stop_confirmed_after: the time from the start of the last stop until odometry showed

@@ -145,7 +145,7 @@ def simulation_words(options: Mapping[str, object]) -> tuple[str, ...]:
     """
     Convert the parsed options of a simulated robot back to command line arguments.
 
-    Options that the user has not given, with the value None, are left out.
+    An option with the value None is left out, because the user has not given it.
 
     :param options: the values of the parsed options, by name
     :returns: the arguments, for example ``--docked`` and ``--lag=0.1``

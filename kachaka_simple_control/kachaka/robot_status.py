@@ -86,12 +86,14 @@ class ErrorTexts:
     """
     The names and explanations of the robot's error codes.
 
+    If the JSON is invalid, no error is raised, but there are no names and explanations.
+
     :param text: a JSON list with one object for each error code, from the response to the gRPC
-        call GetRobotErrorCodeJson.  Invalid JSON counts as an empty list and is no error, because
-        a robot without these texts can still drive
+        call GetRobotErrorCodeJson
     """
 
     def __init__(self, text: str = '') -> None:
+        # Invalid JSON is no error, because a robot without these texts can still drive.
         self._texts = dict(_entries(text))
 
     def find(self, code: int) -> ErrorText:
@@ -99,7 +101,7 @@ class ErrorTexts:
         Return the name, explanation and severity of an error code.
 
         :param code: the error code
-        :returns: these three; the name and the explanation are empty if the code is unknown
+        :returns: an ``ErrorText``; its title and its description are empty if the code is unknown
         """
         return self._texts.get(code, ErrorText(''))
 
@@ -124,11 +126,12 @@ def _entries(text: str) -> Iterator[tuple[int, ErrorText]]:
 
 def _one_line(entry: dict[str, Any], key: str) -> str:
     """
-    Return a text of a JSON object as one line, in English if there is an English text.
+    Return a text of a JSON object as one line, and prefer the English text.
 
     :param entry: the JSON object
-    :param key: the key of the text; the key of the English text has the suffix ``_en``
-    :returns: the text without the full stop at its end; empty if the object has no such text
+    :param key: the key of the text, for example ``title``; the English text has the key
+        ``title_en``
+    :returns: the text without the full stop at its end; empty if the object has neither text
     """
     value = entry.get(f'{key}_en') or entry.get(key) or ''
     return escaped(' '.join(str(value).split()).rstrip('.'))
@@ -219,7 +222,8 @@ class ConnectionState:
         :param result: the result of the call
         :param begun: the start time of the call [s, steady clock]
         :param now: the current time [s, steady clock]
-        :returns: whether the connection is found, lost or back; None if it has not changed
+        :returns: the change: the first connection, the loss of the connection, or a connection
+            after a loss; None if there was no change
         """
         if result.got_response:
             self._failing_since, self._last_response = None, now
@@ -244,10 +248,10 @@ def connection_status(
     """
     Return a diagnosis of the connection to the robot, for ROS diagnostics.
 
-    Its level is an error if the connection is lost, and a warning if the last velocity call took
-    more than 0.15 s.
+    Its level is an error if the connection is lost.  It is a warning if the last gRPC call that
+    sent a velocity took more than 0.15 s.
 
-    :param connection: whether the connection is lost, since when and why
+    :param connection: the state of the connection: whether it is lost, since when and why
     :param address: the network address of the robot
     :param round_trip: the duration of the last gRPC call that sent a velocity [s]; NaN if there
         was none
@@ -272,8 +276,8 @@ def robot_status(
     """
     Return a diagnosis of the errors that the robot reports, for ROS diagnostics.
 
-    :param connection: whether the connection to the robot is lost; if it is lost, the diagnosis
-        says that the errors are unknown
+    :param connection: the state of the connection to the robot; if the connection is lost, the
+        diagnosis says that the errors are unknown
     :param codes: the codes of the errors that the robot reports now
     :param texts: the names and explanations of the error codes
     """

@@ -48,8 +48,8 @@ def power_button(press: Callable[[], None]) -> Iterator[None]:
     """
     Call a function each time that the process receives SIGUSR1, during a ``with`` block.
 
-    This signal stands for the power button of the simulated robot.  It must be blocked in all
-    threads, because a separate thread receives it with ``sigwait()``.
+    A user sends this signal to press the power button of the simulated robot.  The caller must
+    block the signal in all threads, because a separate thread receives it with ``sigwait()``.
 
     :param press: the function, which has no arguments; the separate thread calls it
     """
