@@ -201,7 +201,8 @@ class Node:
     :param line: the line number of the key of the value, counted from 1; for a value without a
         key, the line in which the value begins
     :param data: the value: a dict, list, str, int, float, bool or None
-    :param children: if the value is a mapping or a list, the values in it, by key or index
+    :param children: the values in a mapping, by key, or in a list, by index; empty for any other
+        value
     :param is_bad: whether a problem with this value was found while the YAML text was parsed
     :param has_problem: whether any problem was found with this value or with a value nested in it
     """
@@ -289,11 +290,11 @@ class Document:
 
     def add_error(self, path: KeyPath, error: InvalidMotionError) -> None:
         """
-        Add the problem that an error describes, for example a value out of range.
+        Add a problem that describes an error, for example a value out of range.
 
-        :param path: the keys and list indices that lead to the mapping that contains the value
-        :param error: the error; its ``name`` is the key of the wrong value, or None if the error
-            is about the whole mapping
+        :param path: the keys and list indices that lead to a mapping in the file
+        :param error: the error; ``error.name`` is the key of the wrong value in this mapping, or
+            None if the error is about the whole mapping
         """
         self.add_problem(path if error.name is None else [*path, error.name], error.message)
 

@@ -310,9 +310,11 @@ def _base(document: Document, data: dict[str, Any]) -> RobotProfile | None:
     """
     Return the profile that provides the default values for a profile file.
 
-    The key ``extends`` in the file names another robot, whose profile is returned.  If the name is
-    invalid, a problem is recorded and None is returned.  Without this key, ``PLAIN`` is returned,
-    a profile without values, and a problem is recorded for each required key that is missing.
+    The key ``extends`` in the file names another robot.  The profile of that robot is returned.
+    If the name is invalid, a problem is recorded and None is returned.
+
+    If the file has no key ``extends``, the profile ``PLAIN`` is returned.  This profile has no
+    values, so the file must have all required keys.  For each missing key, a problem is recorded.
 
     :param document: the values of the file, where problems are recorded
     :param data: the outermost mapping of the file

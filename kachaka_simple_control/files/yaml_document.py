@@ -237,7 +237,8 @@ def _resolve(event: Any) -> tuple[Any, str | None]:
     Return the value of a scalar, and the error message if the scalar is invalid.
 
     :param event: the event of PyYAML's parser for the scalar
-    :returns: the value and None, or, for an invalid scalar, None and the error message
+    :returns: two objects: the value, and None.  If the scalar is invalid, they are None and the
+        error message
     """
     try:
         event.value.encode()
@@ -320,7 +321,7 @@ class _YamlReader:
         """
         Read all values in a mapping or a list, and store them in it.
 
-        :param parent: the mapping or the list; its start was already read
+        :param parent: the mapping or the list; the event that starts it was already read
         """
         for event in self._events:
             if _kind(event) in ('MappingEnd', 'SequenceEnd'):
@@ -338,13 +339,12 @@ class _YamlReader:
         """
         Read a key and its value, and store them in a mapping.
 
-        They are not stored if the mapping already has the key.  They are also not stored if the
-        key is in truth the part of a number after a decimal comma, such as ``5 m`` in
-        ``{forward: 0,5 m}``.
+        Nothing is stored if the mapping already has the key, or if ``is_decimals`` is true.
 
         :param mapping: the mapping
         :param event: the event of PyYAML's parser for the key
-        :param is_decimals: whether the key is the part of a number after a decimal comma
+        :param is_decimals: whether this is not a real key, but the part of a number after a
+            decimal comma, such as ``5 m`` in ``{forward: 0,5 m}``
         """
         line = _line(event)
         if _kind(event) != 'Scalar':
