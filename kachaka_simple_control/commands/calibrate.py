@@ -15,9 +15,11 @@
 The command ``kachaka_calibrate``, which calibrates a robot and writes the robot's profile.
 
 The profile is a file with the topics, the limits and the calibration of the robot.  By default,
-the command measures with odometry how the robot follows velocity commands.  With a tape measure,
-it calibrates the odometry itself.  For this, the robot drives a straight line and a turn, or
-squares, and the user measures on the floor where the robot has stopped.
+the command measures with odometry how the robot follows velocity commands.
+
+With the argument ``floor`` or ``umbmark``, it calibrates the odometry itself.  The robot drives a
+straight line and a turn (``floor``), or squares (``umbmark``).  The user then measures with a tape
+measure where the robot has stopped.
 """
 
 from __future__ import annotations
@@ -247,8 +249,8 @@ def drive_until_good(
     or ``--yes`` was given.
 
     If the measurement is not valid, the robot drives the motion again, at most three times in
-    total.  There is only one drive if there is no terminal, or if a real robot drives with
-    ``--yes``, because then nobody is asked to put the robot back to its start.
+    total.  Before this, the user must put the robot back to its start.  Therefore, the drive is
+    not repeated if standard input is not a terminal, or if a real robot drives with ``--yes``.
 
     :param options: the options of the command
     :param motion: the name of a motion of the package, or the path of a motion file
@@ -284,8 +286,9 @@ def _drive(
     """
     Drive a calibration motion, and return the path that odometry reported.
 
-    If odometry is not valid, the robot drives the motion again, at most three times in total.
-    There is only one drive if there is no terminal, or if a real robot drives with ``--yes``.
+    If the odometry of a drive is not valid, the robot drives the motion again, at most three times
+    in total.  The drive is not repeated if standard input is not a terminal, or if a real robot
+    drives with ``--yes``.
 
     :param options: the options of the command
     :param motion: the name of a motion of the package, or the path of a motion file

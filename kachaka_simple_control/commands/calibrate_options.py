@@ -82,8 +82,8 @@ def parse(arguments: Sequence[str]) -> CalibrateOptions:
     Parse the command line arguments of ``kachaka_calibrate``.
 
     :param arguments: the arguments after the program's name
-    :raises SystemExit: with code 2 if an argument is invalid, after an error message in one line;
-        with code 0 after ``--help`` has printed the help
+    :raises SystemExit: with code 2 if an argument is invalid, with code 0 if ``--help`` is given;
+        before that, an error message in one line or the help is printed
     """
     parser = _parser()
     values = cli.parse_values(parser, arguments)

@@ -128,8 +128,9 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     Parse the command line arguments of ``kachaka_simple_control``.
 
     :param arguments: the arguments after the program's name; None for those of this process
-    :raises SystemExit: with code 2 if an argument is invalid, after an error message in one line;
-        with code 0 after ``--help`` or ``--version`` has printed its text
+    :raises SystemExit: with code 2 if an argument is invalid, with code 0 if ``--help`` or
+        ``--version`` is given; before that, an error message in one line, the help or the version
+        is printed
     """
     parser = _parser()
     if '_ARGCOMPLETE' in os.environ:
@@ -278,7 +279,7 @@ def _complete(parser: OneLineParser) -> NoReturn:
     """
     Print the possible completions of a word on the command line, and exit.
 
-    A shell calls the program in this way when the user presses Tab.
+    When the user presses Tab, the shell starts the program, which then calls this function.
 
     :param parser: the parser, which knows the options of the program
     """

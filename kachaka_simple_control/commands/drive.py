@@ -129,15 +129,15 @@ def _start_subscribers(
     """
     Start the processes that display a drive and write its report, if the options request them.
 
-    The report also needs to know whether the guardian has stopped the robot.  The guardian is a
-    process that stops the robot if this program fails.
+    The report also says whether the guardian has stopped the robot.  The guardian is a process
+    that stops the robot if this program fails.
 
     :param subscribers: the object to which the processes are added; it sends them the events of
         the drive, such as each velocity
     :param options: the options of the command
     :param is_lesson: whether the robot drives the lesson, the default motion
-    :param guardian_memory: the file descriptor of the memory that is shared with the guardian, and
-        the index of the robot in this memory; None without a guardian
+    :param guardian_memory: a tuple of the file descriptor of the memory that is shared with the
+        guardian, and the index of the robot in this memory; None without a guardian
     :returns: the process that writes the report; None without a report
     """
     # A lesson without a terminal needs no display, because the node logs each of its movements.
@@ -177,9 +177,11 @@ def _motion_file(options: Options) -> MotionFile | None:
     """
     Read the motion that the options name, and check that the robot can drive it.
 
-    If the options name no motion, the program drives the lesson, which is the default motion.
-    With ``--wait``, this function then reads the lesson like any other motion.  Without
-    ``--wait``, it returns None, and the program calls the Python function of the lesson.
+    If the options name no motion, the program drives the lesson, which is the default motion:
+
+    - With ``--wait``, this function reads the lesson like any other motion.
+    - Without ``--wait``, this function returns None, and the program later calls the Python
+      function of the lesson.
 
     :param options: the options of the command
     :returns: the checked motion and its source; None if the options have neither a motion nor
@@ -252,7 +254,8 @@ def _wait_for_requests(
     :param robot_control: the node that drives the robot
     :param motion: the motion
     :param limits: the limits of velocity and acceleration for the motion
-    :param keys: the functions of the keys that control the robot while it drives
+    :param keys: a mapping from each key that controls the robot during a drive to the function
+        that is called when the key is pressed
     """
     commander = robot_control.commander
     drive = partial(robot_control.run, motion, limits)
