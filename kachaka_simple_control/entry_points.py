@@ -14,8 +14,8 @@
 """
 The functions that start the commands of this package, such as ``kachaka_calibrate``.
 
-A command imports its modules slowly; during this time Ctrl+C ends the command at once, without a
-traceback.
+The import of a command's modules takes some time.  Ctrl+C during the import ends the command at
+once, without a traceback.
 """
 
 from __future__ import annotations

@@ -74,7 +74,7 @@ class RunFaultError(ControlError):
     """
     A motion could not continue as planned, a stop failed, or another fault occurred.
 
-    If the fault ended a motion, this program has stopped the robot, as far as it was able to.
+    If the fault ended a motion, this program has tried to stop the robot.
     """
 
 
@@ -107,8 +107,8 @@ class InvalidMotionError(ControlError, ValueError):
 
     The robot has not moved.
 
-    :param message: the text of the error: the value with its unit, the limit, and what to do, but
-        without ``path`` and ``name``
+    :param message: the text of the error without ``path`` and ``name``, for example the value with
+        its unit, the limit, and advice for the user
     :param path: the keys that lead to the value in the motion, for example
         ``steps[2].turn.speed``; None if unknown
     :param name: the name of the wrong value; None if more than one value is wrong
@@ -154,7 +154,8 @@ class LimitError(InvalidMotionError):
         ``above the robot's limit``
     :param note: the end of the message, which says for which motion the limit is valid, for
         example ``backwards``; empty for any motion
-    :param name: the name of the value; None if the path that ``at`` sets contains the name
+    :param name: the name of the value; None if the name is part of a path, which the caller sets
+        with ``at()``
     """
 
     def __init__(

@@ -163,10 +163,10 @@ class KachakaSimpleControl(Node):
         """
         Drive at a velocity for an exact duration, then send a zero velocity and return.
 
-        The first movement waits for the robot, and enables the manual control of the robot, so
-        that it accepts velocities.  If no movement follows at once, more zero velocities are sent,
-        to make sure that the robot stops.  Odometry does not correct this movement, even if the
-        parameter ``closed_loop`` is set.
+        Before the first movement, this method waits for the robot and enables its manual control,
+        the mode in which the robot follows velocities.  If no movement follows at once, more zero
+        velocities are sent, to make sure that the robot stops.  Odometry does not correct this
+        movement, even if the parameter ``closed_loop`` is set.
 
         :param linear_x: forward velocity [m/s], negative backwards
         :param angular_z: turning velocity [rad/s], positive to the left
@@ -192,12 +192,12 @@ class KachakaSimpleControl(Node):
         """
         Drive a motion with exact timing, and return after the zero velocity at its end.
 
-        If the parameter ``closed_loop`` is set, odometry corrects the velocities during the
-        motion, and the heading at the end of the motion.
+        If the parameter ``closed_loop`` is set, the velocities are corrected with odometry during
+        the motion.  At the end of the motion, the heading is corrected with odometry, too.
 
-        The first drive waits for the robot, and enables the manual control of the robot, so that
-        it accepts velocities.  If no drive follows at once, more zero velocities are sent, to make
-        sure that the robot stops.
+        Before the first drive, this method waits for the robot and enables its manual control, the
+        mode in which the robot follows velocities.  If no drive follows at once, more zero
+        velocities are sent, to make sure that the robot stops.
 
         :param motion: the motion
         :param limits: the limits for the plan; None for the robot's limits
@@ -224,8 +224,8 @@ class KachakaSimpleControl(Node):
         """
         Stop the robot, and wait until the stop is complete.
 
-        This also ends a movement that another thread drives, even if that movement still waits for
-        the robot.  Nothing is sent if this node has not yet got control of the robot.
+        This also ends a movement that another thread has started, even if that thread still waits
+        for the robot.  If this node does not control the robot yet, no velocity is sent.
 
         :raises RunFaultError: if the stop could not be sent, or odometry still shows motion
         """
@@ -256,9 +256,9 @@ class KachakaSimpleControl(Node):
         """
         Return the speed of the robot relative to the planned speed, from 0 to 1.
 
-        Set a factor from 0.01 to 1 to drive the same path more slowly.  Any thread may do this.
-        The returned value is the product of the set factor and other factors; for example, it is
-        0 during a pause.
+        To drive the same path more slowly, set this property to a factor from 0.01 to 1.  Any
+        thread may do this.  The returned value can be lower than the factor that was set; for
+        example, it is 0 during a pause.
         """
         return self.session.speed_factor.value
 
@@ -312,8 +312,8 @@ class KachakaSimpleControl(Node):
         """
         Return the duration of the last drive as a part of a log message.
 
-        The text is empty if the drive was at most one period plus MAX_LATENESS longer than
-        planned.
+        The text is empty, unless the drive was clearly longer than planned: by more than
+        MAX_LATENESS plus the time between two velocity messages.
 
         :param driven: the plan of the drive
         """
@@ -341,7 +341,11 @@ class KachakaSimpleControl(Node):
         atexit.register(self._close_at_exit)
 
     def _release(self) -> None:
-        """Stop and release all robots of a ROS context; called before the context shuts down."""
+        """
+        Stop and release the robots of all nodes that have the same ROS context as this node.
+
+        This is called before the context shuts down.
+        """
         _sessions.close_all(self.context)
         self.session.close()
         self.event_bus.flush()
@@ -395,8 +399,9 @@ class _SignalHandler:
         """
         Stop the robot after an uncaught exception, and refuse all later motions.
 
-        The reason is that another thread can still be driving the robot.  A ``MotionRunningError``
-        is ignored, because the motion of the other thread must continue then.
+        The robot must be stopped, because another thread can still be driving it.  After a
+        ``MotionRunningError``, the robot is not stopped: this error means that a motion of another
+        thread must continue.
 
         :param error: the exception
         """
