@@ -30,6 +30,7 @@ from benchmarks.run import RESULTS, save, today, write_measured
 from benchmarks.scale import FULL, QUICK, Scale
 from benchmarks.tables import Table, tables
 from benchmarks.thresholds import judge
+from program import restore_signals
 from ros_domain import isolate_ros
 
 #: The run that the documentation shows.
@@ -42,6 +43,8 @@ def measure(scale: Scale) -> dict[str, Any]:
     """Run all measurements, and return the results as plain data."""
     # Called before any module imports rclpy.
     isolate_ros()
+    # Programs that are started in the background of a shell ignore SIGINT.
+    restore_signals()
     from benchmarks import machine, planning, startup_shutdown, timing
     described = machine.describe()
     begin = time.monotonic()
