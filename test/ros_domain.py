@@ -28,8 +28,8 @@ from kachaka_simple_control.ros.dds_transport import use_localhost_only
 
 #: The ROS domains to choose from.  The ports of higher domains may overlap Linux's own ports.
 DOMAINS = range(1, 101)
-#: What holds the domains of this process until its end.
-_CLAIMS: list[socket.socket] = []
+#: For each domain that this process has claimed, the socket that holds it.
+_CLAIMS: dict[int, socket.socket] = {}
 
 
 def claim_domain() -> int:
@@ -49,9 +49,14 @@ def claim_domain() -> int:
         except OSError:
             claim.close()
         else:
-            _CLAIMS.append(claim)
+            _CLAIMS[domain] = claim
             return domain
     raise RuntimeError('all ROS domains from 1 to 100 are claimed by other tests')
+
+
+def release_domain(domain: int) -> None:
+    """End this process's claim on a ROS domain, which nothing uses any longer."""
+    _CLAIMS.pop(domain).close()
 
 
 def use_own_domain() -> None:

@@ -34,3 +34,11 @@ def test_a_claimed_domain_is_free_again_at_the_end_of_its_process(monkeypatch):
             ros_domain.claim_domain()
         other.communicate('\n')
     assert ros_domain.claim_domain() == domain
+
+
+def test_more_domains_may_be_used_one_after_the_other_than_there_are(monkeypatch):
+    domain = ros_domain.claim_domain()
+    ros_domain.release_domain(domain)
+    monkeypatch.setattr(ros_domain, 'DOMAINS', [domain])
+    for _ in range(3):
+        ros_domain.release_domain(ros_domain.claim_domain())

@@ -24,7 +24,7 @@ from typing import NamedTuple
 from benchmarks.grpc_robot import GrpcRobot
 from benchmarks.stop_matrix.observer import Observer, RobotRecorder
 from benchmarks.stop_matrix.robot_process import RobotProcess
-from ros_domain import claim_domain
+from ros_domain import claim_domain, release_domain
 from waiting import poll
 
 _NUMBERS = itertools.count(1)
@@ -99,6 +99,7 @@ class PooledRobot:
         self.observer.close()
         if self._folder is not None:
             self._folder.cleanup()
+        release_domain(self.domain)
 
     def _start(self) -> RobotProcess | GrpcRobot:
         if self._over_grpc:
