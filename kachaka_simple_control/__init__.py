@@ -47,11 +47,13 @@ if TYPE_CHECKING:
         Turn,
         Wait,
     )
+    from kachaka_simple_control.motion.waypoints import Goto, Waypoints
 
 __all__ = [
-    'Arc', 'ControlError', 'Forward', 'InvalidMotionError', 'KachakaSimpleControl', 'Limits',
-    'Motion', 'MotionRefusedError', 'Move', 'Plan', 'Pose', 'Repeat', 'RobotNotFoundError',
-    'RunFaultError', 'Settle', 'Step', 'Turn', 'UsageError', 'Velocity', 'Wait', 'plan',
+    'Arc', 'ControlError', 'Forward', 'Goto', 'InvalidMotionError', 'KachakaSimpleControl',
+    'Limits', 'Motion', 'MotionRefusedError', 'Move', 'Plan', 'Pose', 'Repeat',
+    'RobotNotFoundError', 'RunFaultError', 'Settle', 'Step', 'Turn', 'UsageError', 'Velocity',
+    'Wait', 'Waypoints', 'plan',
 ]
 
 #: The public names, by the module that defines them.  They are loaded at the first use, so that a
@@ -65,6 +67,7 @@ _NAMES = {
     'motion.plan': ('Plan', 'plan'),
     'motion.steps': (
         'Arc', 'Forward', 'Motion', 'Move', 'Repeat', 'Settle', 'Step', 'Turn', 'Wait'),
+    'motion.waypoints': ('Goto', 'Waypoints'),
 }
 
 

@@ -30,8 +30,8 @@ from typing import Protocol
 from kachaka_simple_control.control.events import VelocityKind
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.motion.trajectory import Trajectory
-from kachaka_simple_control.motion.velocity_profile import PathState, Replanned
+from kachaka_simple_control.motion.trajectory import Sent, Trajectory
+from kachaka_simple_control.motion.velocity_profile import PathState
 
 #: A last tick shorter than this fraction of a period is a rounding error, not a tick.
 TIME_TOLERANCE = 1e-6
@@ -120,6 +120,8 @@ class TickScheduler:
         self._factor = 1.0
         #: the current trajectory if it is not driven as planned; None otherwise
         self._replanned: _ReplannedTrajectory | None = None
+        #: the velocity before the current tick
+        self._before = Sent(ZERO, plan.period)
         self._ticks = self._as_planned(0, 0.0)
         self._tick = next(self._ticks, None)
 
@@ -145,6 +147,7 @@ class TickScheduler:
         return self._tick
 
     def _pass(self, tick: Tick) -> None:
+        self._before = Sent(tick.velocity, tick.deadline - tick.start)
         self._tick = next(self._ticks, None)
         if self._tick is None and self._replanned is not None:
             self._begin(self._replanned.following(), tick.deadline)
@@ -165,7 +168,7 @@ class TickScheduler:
         if not self._replanned.has_begun:
             self._begin(self._replanned, tick.start)
             return
-        self._ticks = self._replanned.ticks(factor, tick.start)
+        self._ticks = self._replanned.ticks(factor, tick.start, self._before)
         self._tick = next(self._ticks, None)
         if self._tick is None:
             self._begin(self._replanned.following(), tick.start)
@@ -190,7 +193,7 @@ class TickScheduler:
                     now - plan_start)
                 self._tick = next(self._ticks, None)
                 return
-            self._ticks = self._replanned.ticks(self._factor, now)
+            self._ticks = self._replanned.ticks(self._factor, now, self._before)
             self._tick = next(self._ticks, None)
             if self._tick is not None:
                 return
@@ -261,9 +264,9 @@ class _ReplannedTrajectory:
         :returns: True if the factor is 1 and the trajectory starts with its planned velocity
         """
         self._state = self.trajectory.first_state(factor, self._reached)
-        return factor == 1.0 and self._state == self.trajectory.first_state(1.0, 0.0)
+        return factor == 1.0 and self._state == self.trajectory.planned_start
 
-    def ticks(self, factor: float, now: float) -> Iterator[Tick]:
+    def ticks(self, factor: float, now: float, before: Sent) -> Iterator[Tick]:
         """
         Yield the velocities of the trajectory, from its current position to its end.
 
@@ -272,15 +275,20 @@ class _ReplannedTrajectory:
 
         :param factor: the speed relative to the plan, from 0 to 1
         :param now: when the first of these velocities is due [s after the start of the drive]
+        :param before: the velocity before these, and its duration
         """
-        replanned = self.trajectory.replanned(self._state, factor)
-        self._end = replanned.end
-        for tick in self._driven(replanned, now):
-            yield tick
-            self.has_begun = True
-        now += replanned.duration
+        end = 0.0
+        pieces = self.trajectory.pieces(self._state, factor, self._plan.period, before)
+        for piece in pieces:
+            self._state, self._end, end = piece.first, piece.last, piece.end
+            # Leave out a tick that is too short for the resolution of the time.
+            if now + end > now + piece.begin:
+                yield Tick(
+                    piece.velocity, now + piece.begin, now + end, piece.rest, self._plan_time())
+                self.has_begun = True
+        now += end
         self._state = self._end
-        while self._end.position < self.trajectory.segment.distance:
+        while self._end.position < self.trajectory.extent:
             following = now + self._plan.period
             yield Tick(ZERO, now, following, math.inf, self._plan_time())
             self.has_begun = True
@@ -292,7 +300,7 @@ class _ReplannedTrajectory:
 
         Trajectories with a duration of 0 are skipped.
         """
-        reached = 0.0 if self.trajectory.segment.is_rest else self._end.velocity
+        reached = self.trajectory.exit_velocity(self._end)
         number = self._number + 1
         for step in range(self._step, len(self._plan.steps)):
             planned = self._plan.steps[step]
@@ -302,21 +310,6 @@ class _ReplannedTrajectory:
                     return _ReplannedTrajectory(self._plan, step, index, start, reached)
                 start += trajectory.duration
         return None
-
-    def _driven(self, replanned: Replanned, now: float) -> Iterator[Tick]:
-        duration = replanned.duration
-        count = math.ceil(duration / self._plan.period * (1.0 - TIME_TOLERANCE))
-        is_rest = self.trajectory.segment.is_rest
-        for index in range(count):
-            begin, end = duration * (index / count), duration * ((index + 1) / count)
-            self._state = replanned.state_at(begin)
-            if now + end <= now + begin:  # too short for the resolution of the time
-                continue
-            reached = replanned.end if index + 1 == count else replanned.state_at(end)
-            yield Tick(
-                self.trajectory.mean_velocity(
-                    reached.position - self._state.position, end - begin),
-                now + begin, now + end, duration - begin if is_rest else 0.0, self._plan_time())
 
     def _plan_time(self) -> float:
         return self.plan_start + self.trajectory.time_at(self._state.position)
@@ -366,6 +359,5 @@ def _velocity_before(plan: Plan, step: int, number: int) -> float:
         before = [*plan.steps[step].trajectories]
     for trajectory in reversed(before):
         if trajectory.duration:
-            is_rest = trajectory.segment.is_rest
-            return 0.0 if is_rest else trajectory.state_at(trajectory.duration).velocity
+            return trajectory.exit_velocity(trajectory.state_at(trajectory.duration))
     return 0.0

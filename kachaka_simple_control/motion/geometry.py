@@ -66,6 +66,9 @@ class Displacement:
     angle: float
 
 
+#: x and y [m].
+Point = tuple[float, float]
+
 ZERO = Velocity()
 ORIGIN = Pose()
 
@@ -161,7 +164,22 @@ def distance_between(one: Pose, two: Pose) -> tuple[float, float]:
             math.remainder(two.theta - one.theta, math.tau))
 
 
-Point = tuple[float, float]
+#: A turn that is less than this short of half a turn to the right is made to the left [rad].  So
+#: rounding does not decide the direction of half a turn.
+HALF_TURN_TOLERANCE = 1e-9
+
+
+def shorter_turn(start: float, end: float) -> float:
+    """
+    Return the turn from one heading to another, the shorter way [rad].
+
+    :param start: the heading before the turn [rad]
+    :param end: the heading after the turn, which may differ by whole turns [rad]
+    :returns: the angle, positive to the left; half a turn is to the left
+    """
+    angle = math.remainder(end - start, math.tau)
+    return angle + math.tau if angle <= HALF_TURN_TOLERANCE - math.pi else angle
+
 
 #: The number of corners of the polygon that is drawn for a circle.
 CORNERS = 48

@@ -17,16 +17,19 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+import math
 from operator import attrgetter
 from typing import NamedTuple
 
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.motion.geometry import advance, integrate, ORIGIN, Pose, Velocity
+from kachaka_simple_control.motion.flow import Cut, find_flows, FlowPart, plan_flow
+from kachaka_simple_control.motion.geometry import Displacement, integrate, ORIGIN, Pose, Velocity
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
+from kachaka_simple_control.motion.placing import Block, is_placed, Leaf, Placer
 from kachaka_simple_control.motion.step_base import MAX_DURATION, Step
 from kachaka_simple_control.motion.steps import Motion
-from kachaka_simple_control.motion.trajectory import Trajectory
+from kachaka_simple_control.motion.trajectory import ProfiledPath, Trajectory
 from kachaka_simple_control.motion.units import FREQUENCY
 
 #: The largest number of steps of a motion; a repeated step counts once for each repetition.
@@ -68,6 +71,8 @@ class PlannedStep:
     :param max_linear_velocity: the largest linear velocity sent, without its sign [m/s]
     :param max_angular_velocity: the largest angular velocity sent, without its sign [rad/s]
     :param trajectories: the parts of the step's path with their timing, in driving order
+    :param cut: for a turn that became a corner, how much of the corner is cut; None otherwise
+    :param joins_next: whether the robot goes on into the next step without a stop
     """
 
     path: str
@@ -79,11 +84,23 @@ class PlannedStep:
     max_linear_velocity: float
     max_angular_velocity: float
     trajectories: Sequence[Trajectory] = ()
+    cut: Cut | None = None
+    joins_next: bool = False
 
     @property
     def duration(self) -> float:
         """Return the planned duration of the step [s]."""
         return self.end - self.start
+
+    @property
+    def displacement(self) -> Displacement:
+        """
+        Return the planned length of the path, negative backwards, and the heading change.
+
+        They differ from those of the step if a corner replaces a part of it.
+        """
+        return Displacement(math.fsum(path.length for path in self.trajectories),
+                            math.fsum(path.angle for path in self.trajectories))
 
 
 @dataclass(frozen=True)
@@ -99,11 +116,13 @@ class Plan:
         velocity is sent again after each period
     :param steps: the steps of the motion with their planned times, in order.  A repeated step
         occurs once for each repetition
+    :param saved_time: how much shorter the plan is than with a stop at each step [s]
     """
 
     segments: tuple[Segment, ...]
     period: float
     steps: tuple[PlannedStep, ...] = ()
+    saved_time: float = 0.0
 
     @property
     def duration(self) -> float:
@@ -194,7 +213,12 @@ def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
         raise InvalidMotionError(
             f'the motion needs {count:.10g} velocities at {rate} Hz; it may have {MAX_SEGMENTS} '
             'at most: take a lower rate')
-    return _planned(whole.expand(), rate)
+    items = whole.expand()
+    if not any(item.corners for item in items):
+        return _planned(items, rate)
+    joined = _join(items, limits, rate)
+    saved = sum(one.duration - two.duration for one, two in zip(items, joined))
+    return replace(_planned(joined, rate), saved_time=saved)
 
 
 # Compared by identity: a repeated item is one object.
@@ -210,6 +234,14 @@ class _Item:
     path: str
     step: Step
     trajectories: Sequence[Trajectory]
+    corners: float = 0.0
+    cut: Cut | None = None
+    joins_next: bool = False
+
+    @property
+    def duration(self) -> float:
+        """Return the duration [s]."""
+        return sum(trajectory.duration for trajectory in self.trajectories)
 
 
 class _Block(NamedTuple):
@@ -264,12 +296,15 @@ def _apply_limits(motion: Motion, limits: Limits) -> tuple[_Block, list[InvalidM
         if (block := step.block()) is not None:
             return _Block(block[0], parts(block[1], place))
         return _Item(path, step, step.trajectories(
-            limits, lambda name, error: errors.append(error.at(place + name))))
+            limits, lambda name, error: errors.append(error.at(place + name))), motion.corners)
 
     def parts(steps: Sequence[Step], prefix: str) -> list[_Item | _Block]:
         return [part(step, f'{prefix}steps[{index}]') for index, step in enumerate(steps)]
 
-    whole = _Block(1, parts(motion.steps, ''))
+    if any(map(is_placed, motion.steps)):
+        whole = _place(motion, limits, errors)
+    else:
+        whole = _Block(1, parts(motion.steps, ''))
     count = whole.total(lambda _: 1)
     if count > MAX_STEPS:
         errors.append(InvalidMotionError(
@@ -282,6 +317,67 @@ def _apply_limits(motion: Motion, limits: Limits) -> tuple[_Block, list[InvalidM
             f'the motion takes {duration:.10g} s, its repeats counted; it may take '
             f'{MAX_DURATION:.10g} s at most'))
     return whole, errors
+
+
+def _place(motion: Motion, limits: Limits, errors: list[InvalidMotionError]) -> _Block:
+    """
+    Return the steps of a motion in which steps depend on the pose at their start.
+
+    :param motion: the motion
+    :param limits: the limits of the robot
+    :param errors: a list to which the errors are added; a step that is repeated is refused once
+    """
+    known: dict[Leaf, _Item] = {}
+    refused: set[str] = set()
+    count, duration = 0, 0.0
+
+    def refuse(place: str, error: InvalidMotionError) -> None:
+        if place not in refused:
+            refused.add(place)
+            errors.append(error.at(place))
+
+    def visit(leaf: Leaf) -> None:
+        nonlocal count, duration
+        if leaf not in known:
+            known[leaf] = _Item(leaf.path, leaf.step, leaf.step.trajectories(
+                limits, lambda name, error: refuse(
+                    leaf.speed_place if name == 'speed' else leaf.place + name, error)),
+                leaf.corners)
+        count, duration = count + 1, duration + known[leaf].duration
+        # Ends a repeat whose passes all differ, before it needs much time and memory.
+        if count > MAX_STEPS or duration > MAX_DURATION:
+            raise InvalidMotionError(
+                f'the motion has more than {MAX_STEPS} steps or takes more than '
+                f'{MAX_DURATION:.10g} s, its repeats counted')
+
+    def parts(placed: Sequence[Leaf | Block]) -> list[_Item | _Block]:
+        return [_Block(part.times, parts(part.parts)) if isinstance(part, Block) else known[part]
+                for part in placed]
+
+    try:
+        return _Block(1, parts(Placer(motion.corners, visit, refuse).parts(motion.steps, '')))
+    except InvalidMotionError as error:
+        errors.append(error)
+        return _Block(1, [])
+
+
+def _join(items: Sequence[_Item], limits: Limits, rate: float) -> list[_Item]:
+    """Return the steps with their flows joined, so that the robot does not stop in them."""
+    parts = [
+        FlowPart(path if isinstance(path, ProfiledPath) else None, item.corners)
+        for item in items for path in [item.trajectories[0] if item.trajectories else None]]
+    joined = list(items)
+    #: equal steps are one object, as before, so that their velocities are computed once
+    known: dict[tuple[object, ...], _Item] = {}
+    for flow in find_flows(parts):
+        planned = plan_flow([parts[index] for index in flow], limits, rate)
+        for index, step in zip(flow, planned):
+            item = items[index]
+            joined[index] = known.setdefault(
+                (id(item), *map(id, step.trajectories), step.cut, step.joins_next), replace(
+                    item, trajectories=step.trajectories, cut=step.cut,
+                    joins_next=step.joins_next))
+    return joined
 
 
 class _Sent(NamedTuple):
@@ -315,16 +411,16 @@ def _planned(items: Sequence[_Item], rate: float) -> Plan:
         sent = known[item]
         start, first, length = time, len(segments), 0.0
         for trajectory, velocities in zip(item.trajectories, sent.velocities):
-            begin, path = time, trajectory.segment
+            begin = time
             time = begin + trajectory.duration
             segments += _segments(velocities, begin, time)
-            pose = advance(pose, path.length, path.angle)
-            length += abs(path.length)
+            pose = trajectory.advance(pose)
+            length += abs(trajectory.length)
         has_segments = len(segments) > first
         steps.append(PlannedStep(
             item.path, item.step, start, time, pose, length,
             sent.max_linear if has_segments else 0.0, sent.max_angular if has_segments else 0.0,
-            item.trajectories))
+            item.trajectories, item.cut, item.joins_next))
     return Plan(tuple(segments), 1.0 / rate, tuple(steps))
 
 

@@ -22,7 +22,7 @@ import math
 from typing import Any, ClassVar, NamedTuple
 
 from kachaka_simple_control.errors import InvalidMotionError, LimitError
-from kachaka_simple_control.motion.geometry import Displacement
+from kachaka_simple_control.motion.geometry import Displacement, Point, Pose
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.trajectory import (
     ConstantVelocity,
@@ -31,7 +31,7 @@ from kachaka_simple_control.motion.trajectory import (
     ProfiledPath,
     Trajectory,
 )
-from kachaka_simple_control.motion.units import Quantity
+from kachaka_simple_control.motion.units import Quantity, require_finite
 from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
 
 #: The longest duration of a motion [s]: a day.
@@ -71,8 +71,70 @@ class StepList:
     """The type of a field of a step: a list of other steps."""
 
 
+@dataclass(frozen=True)
+class PointField:
+    """The type of a field of a step: a point, given by x and y."""
+
+    def require(self, name: str, value: object) -> None:
+        """
+        Raise an error for a value that is not a pair of finite numbers.
+
+        :param name: the name of the field, for the message
+        :param value: the value to check
+        :raises InvalidMotionError: if the value is no point
+        """
+        as_point(name, value)
+
+
+@dataclass(frozen=True)
+class PointList:
+    """The type of a field of a step: a list of at least one point, each given by x and y."""
+
+    def require(self, name: str, value: object) -> None:
+        """
+        Raise an error for a value that is not a list of points.
+
+        :param name: the name of the field, for the message
+        :param value: the value to check
+        :raises InvalidMotionError: if the value is no list of points, or is empty
+        """
+        as_points(name, value)
+
+
+def as_point(name: str, value: object) -> Point:
+    """
+    Return a point as a pair of floats.
+
+    :param name: the name of the point, for the message
+    :param value: any iterable of two numbers: x and y [m]
+    :raises InvalidMotionError: if the value is not an iterable of two finite numbers
+    """
+    numbers = None if isinstance(value, (str, bytes)) or not isinstance(value, Iterable) else (
+        tuple(value))
+    if numbers is None or len(numbers) != 2:
+        raise InvalidMotionError(
+            f'{value!r}; it must be a point: two numbers, x and y [m]', name=name)
+    return require_finite(name, numbers[0], 'm'), require_finite(name, numbers[1], 'm')
+
+
+def as_points(name: str, value: object) -> tuple[Point, ...]:
+    """
+    Return a list of points as a tuple of pairs of floats.
+
+    :param name: the name of the list, for the message
+    :param value: any iterable of points: x and y of each [m]
+    :raises InvalidMotionError: if the value is no iterable of points, or is empty
+    """
+    if isinstance(value, (str, bytes)) or not isinstance(value, Iterable):
+        raise InvalidMotionError(f'{value!r}; it must be a list of points', name=name)
+    points = tuple(as_point(f'{name}[{index}]', point) for index, point in enumerate(value))
+    if not points:
+        raise InvalidMotionError('empty; it must have at least one point', name=name)
+    return points
+
+
 #: The types of a step's fields.
-FieldKind = Quantity | Count | StepList
+FieldKind = Quantity | Count | StepList | PointField | PointList
 
 
 class FileField(NamedTuple):
@@ -100,6 +162,19 @@ def in_file(kind: FieldKind, description: str, *examples: Any) -> dict[str, File
     return {'file': FileField(kind, description, examples)}
 
 
+@dataclass(frozen=True)
+class PlacedStep:
+    """
+    A part of a step that depends on the pose at its start: a turn or a straight leg.
+
+    :param name: its place in the step, for paths, as in ``points[1].forward``
+    :param step: the turn or the leg
+    """
+
+    name: str
+    step: Step
+
+
 #: The kinds of steps by their keywords, in the order of their definition.
 KINDS: dict[str, type[Step]] = {}
 
@@ -124,17 +199,23 @@ class Step(ABC):
         field can be written alone, as in ``wait: 2 s``
     :cvar synonyms: words that users may write instead of the keyword; an error message then
         suggests the keyword
+    :cvar is_placed: whether the path of the step depends on the pose at its start; ``placed()``
+        then returns the steps that drive it, and ``path()`` is its path from the start of the
+        motion
     :cvar settles: whether the robot stands still in this step while a closed loop corrects its
         heading with odometry
     :ivar speed: the largest velocity along the path [m/s, or rad/s for a turn in place]; None: as
         fast as the limits allow
+    :ivar corners: how far the robot may pass corners inside the step [m]; None: as the motion says
     """
 
     keyword: ClassVar[str]
     form: ClassVar[str] = ''
     synonyms: ClassVar[tuple[str, ...]] = ()
+    is_placed: ClassVar[bool] = False
     settles: ClassVar[bool] = False
     speed: float | None = None
+    corners: float | None = None
 
     def __init_subclass__(cls) -> None:
         """
@@ -180,6 +261,23 @@ class Step(ABC):
         Return None if this step does not repeat other steps.
         """
         return None
+
+    def placed(self, pose: Pose, refuse: Refuse) -> tuple[list[PlacedStep], Pose]:
+        """
+        Return the turns and legs of a step that depends on the pose at its start, and its end.
+
+        Only a step whose ``is_placed`` is true can be asked.
+
+        :param pose: the pose at the start of the step, seen from the start of the motion
+        :param refuse: a function to call for each field because of which the step cannot begin at
+            this pose, with the name of the field and the error
+        :returns: the turns and legs in driving order, and the pose at the end of the step
+        """
+        raise NotImplementedError(f'{self.keyword} does not depend on the pose')
+
+    def with_stops(self) -> Step:
+        """Return this step without a tolerance of corners of its own."""
+        return self
 
     @property
     def displacement(self) -> Displacement:

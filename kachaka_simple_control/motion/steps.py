@@ -326,6 +326,10 @@ class Repeat(Step):
         """Return the number of repetitions and the repeated steps."""
         return self.times, self.steps
 
+    def with_stops(self) -> Repeat:
+        """Return this step with repeated steps that have no tolerance of corners of their own."""
+        return replace(self, steps=tuple(step.with_stops() for step in self.steps))
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -335,23 +339,31 @@ class Motion:
     :param name: the name to show
     :param steps: the steps, in order; a list is converted to a tuple
     :param description: the purpose of the motion, as text to show
+    :param corners: how far the robot may pass the corners between steps, to drive through them
+        without a stop [m]; 0 to stop after each step
     """
 
     name: str
     steps: tuple[Step, ...]
     description: str = ''
+    corners: float = 0.0
 
     def __post_init__(self) -> None:
         """
         Raise an error for a motion with an invalid value.
 
-        :raises InvalidMotionError: if the name or the description is not text, or an item of
-            ``steps`` is not a step
+        :raises InvalidMotionError: if the name or the description is not text, ``corners`` is no
+            tolerance from 0 to 1 m, or an item of ``steps`` is not a step
         """
         for what, text in (('name', self.name), ('description', self.description)):
             if not isinstance(text, str):
                 raise InvalidMotionError(f'{text!r}; it must be text', name=what)
+        units.TOLERANCE.require('corners', self.corners)
         object.__setattr__(self, 'steps', step_tuple(self.steps))
+
+    def with_stops(self) -> Motion:
+        """Return this motion without corners: the robot stops after each leg and each turn."""
+        return replace(self, steps=tuple(step.with_stops() for step in self.steps), corners=0.0)
 
     def settled(self) -> Motion:
         """

@@ -21,17 +21,19 @@ its timing.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.geometry import advance, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.velocity_profile import (
     bisection,
     PathLimits,
     PathState,
     replan_through,
+    replan_to_end,
     replan_to_rest,
     Replanned,
     VelocityProfile,
@@ -40,6 +42,8 @@ from kachaka_simple_control.motion.velocity_profile import (
 #: If a duration exceeds a whole number of periods by less than this fraction of the duration, the
 #: excess comes from rounding and gets no tick of its own.
 TIME_TOLERANCE = 1e-9
+#: A last message shorter than this fraction of a period is a rounding error, not a message.
+MESSAGE_TOLERANCE = 1e-6
 #: How often a duration is halved to find the time of a position.  A duration of a day is halved to
 #: less than a microsecond.
 TIME_BISECTIONS = 40
@@ -91,6 +95,38 @@ class PathSegment(NamedTuple):
         return Velocity(self.linear * rate, self.angular * rate)
 
 
+class Sent(NamedTuple):
+    """
+    A velocity, and the time until the next one.
+
+    :param velocity: the velocity
+    :param duration: how long the robot keeps the velocity [s]
+    """
+
+    velocity: Velocity
+    duration: float
+
+
+class Piece(NamedTuple):
+    """
+    A part of a trajectory that is driven with one velocity.
+
+    :param begin: the time of its start, from the start of the first piece on [s]
+    :param end: the time of its end [s]
+    :param velocity: the velocity to send
+    :param first: the state along the trajectory at the start
+    :param last: the state along the trajectory at the end
+    :param rest: how long the robot stays at rest from the start on [s]; 0 while moving
+    """
+
+    begin: float
+    end: float
+    velocity: Velocity
+    first: PathState
+    last: PathState
+    rest: float = 0.0
+
+
 def limits_along(segment: PathSegment, limits: Limits) -> PathLimits:
     """
     Return the limits of velocity, acceleration, deceleration and jerk along a path segment.
@@ -124,8 +160,118 @@ def _along(limit: float, rate: float) -> float:
     return along if along * rate <= limit else math.nextafter(along, 0.0)
 
 
+class Trajectory(ABC):
+    """
+    A path with its timing: what the plan, the tick scheduler and the tables need to know of it.
+
+    A position along the path has a unit of its own: m, rad, or s of planned time.
+    """
+
+    @property
+    @abstractmethod
+    def duration(self) -> float:
+        """Return the planned duration [s]."""
+
+    @property
+    @abstractmethod
+    def extent(self) -> float:
+        """Return the position of the end [m, rad or s]."""
+
+    @property
+    @abstractmethod
+    def length(self) -> float:
+        """Return the driven length [m], negative backwards."""
+
+    @property
+    @abstractmethod
+    def angle(self) -> float:
+        """Return the heading change [rad], positive to the left."""
+
+    @property
+    @abstractmethod
+    def is_rest(self) -> bool:
+        """Return whether the robot stands still during the whole path."""
+
+    @property
+    @abstractmethod
+    def planned_start(self) -> PathState:
+        """Return the planned position and velocity at the start."""
+
+    @abstractmethod
+    def advance(self, pose: Pose) -> Pose:
+        """
+        Return the pose of the robot at the end of the path.
+
+        :param pose: its pose at the start
+        """
+
+    @abstractmethod
+    def ticks(self, rate: float) -> int:
+        """
+        Return the number of velocities that drive the path.
+
+        :param rate: the rate at which velocities are sent [Hz]
+        """
+
+    @abstractmethod
+    def velocities(self, rate: float) -> list[Velocity]:
+        """
+        Return the velocities that drive the path as planned, each for the same time.
+
+        :param rate: the rate at which velocities are sent [Hz]
+        """
+
+    @abstractmethod
+    def state_at(self, time: float) -> PathState:
+        """
+        Return the planned position, velocity and acceleration along the path at a time.
+
+        :param time: the time since the start [s]
+        """
+
+    @abstractmethod
+    def time_at(self, position: float) -> float:
+        """
+        Return the planned time since the start at which a position is reached [s].
+
+        :param position: the position [m, rad or s]
+        """
+
+    @abstractmethod
+    def first_state(self, factor: float, velocity: float) -> PathState:
+        """
+        Return the position and the velocity at the start, under a speed factor.
+
+        :param factor: the speed factor, from 0 to 1
+        :param velocity: the velocity that the previous trajectory leaves, in its unit; 0 at rest
+        """
+
+    @abstractmethod
+    def exit_velocity(self, state: PathState) -> float:
+        """
+        Return the velocity that the next trajectory has to begin with; 0 after a rest.
+
+        :param state: the position and the velocity at the end
+        """
+
+    @abstractmethod
+    def pieces(
+            self, state: PathState, factor: float, period: float,
+            before: Sent) -> Iterator[Piece]:
+        """
+        Yield the velocities that drive the rest of the path under a speed factor.
+
+        The robot may come to rest before the end.  The last piece then ends there.
+
+        :param state: the current position, velocity and acceleration along the path
+        :param factor: the speed factor, from 0 to 1
+        :param period: the longest duration of a piece [s]
+        :param before: the velocity before, and its duration
+        """
+
+
 @dataclass(frozen=True)
-class TimedPath(ABC):
+class TimedPath(Trajectory):
     """
     A path segment with its timing: the base class of ``ConstantVelocity`` and ``ProfiledPath``.
 
@@ -135,6 +281,81 @@ class TimedPath(ABC):
 
     segment: PathSegment
     limits: PathLimits
+
+    @property
+    def is_rest(self) -> bool:
+        """Return whether the robot stands still during the whole path segment."""
+        return self.segment.is_rest
+
+    @property
+    def extent(self) -> float:
+        """Return the position of the end of the path segment [m, rad or s]."""
+        return self.segment.distance
+
+    @property
+    def length(self) -> float:
+        """Return the driven length [m], negative backwards."""
+        return self.segment.length
+
+    @property
+    def angle(self) -> float:
+        """Return the heading change [rad], positive to the left."""
+        return self.segment.angle
+
+    def advance(self, pose: Pose) -> Pose:
+        """
+        Return the pose of the robot at the end of the path segment.
+
+        :param pose: its pose at the start of the segment
+        """
+        return advance(pose, self.segment.length, self.segment.angle)
+
+    @property
+    def planned_start(self) -> PathState:
+        """Return the planned position and velocity at the start of the path segment."""
+        return self.first_state(1.0, 0.0)
+
+    def exit_velocity(self, state: PathState) -> float:
+        """
+        Return the velocity that the next trajectory has to begin with; 0 after a rest.
+
+        :param state: the position and the velocity at the end of the path segment
+        """
+        return 0.0 if self.is_rest else state.velocity
+
+    @abstractmethod
+    def replanned(self, state: PathState, factor: float) -> Replanned:
+        """Plan the rest of the path segment again for another speed factor."""
+
+    def pieces(
+            self, state: PathState, factor: float, period: float,
+            before: Sent) -> Iterator[Piece]:  # noqa: ARG002
+        """
+        Yield the velocities that drive the rest of the path segment under another speed factor.
+
+        The robot may come to rest before the end.  The last piece then ends there.
+
+        :param state: the current position, velocity and acceleration along the segment
+        :param factor: the speed factor, from 0 to 1
+        :param period: the longest duration of a piece [s]
+        :param before: the velocity before; not used
+        """
+        replanned = self.replanned(state, factor)
+        duration = replanned.duration
+        count = math.ceil(duration / period * (1.0 - MESSAGE_TOLERANCE))
+        if not count:
+            yield Piece(0.0, 0.0, ZERO, state, replanned.end)
+        first, begin = state, 0.0
+        for index in range(count):
+            first = replanned.state_at(begin)
+            end = duration * ((index + 1) / count)
+            last = replanned.end if index + 1 == count else replanned.state_at(end)
+            # In a piece without duration nothing is driven.
+            velocity = ZERO if end <= begin else self.mean_velocity(
+                last.position - first.position, end - begin)
+            yield Piece(
+                begin, end, velocity, first, last, duration - begin if self.is_rest else 0.0)
+            begin = end
 
     @property
     @abstractmethod
@@ -273,7 +494,7 @@ class ProfiledPath(TimedPath):
     :param profile: the velocity along the segment over time
     """
 
-    profile: VelocityProfile
+    profile: VelocityProfile | Replanned
 
     @property
     def duration(self) -> float:
@@ -305,7 +526,7 @@ class ProfiledPath(TimedPath):
         top, means = self.max_rate, self.profile.means(self.ticks(rate))
         # All parts of a cruise share one Velocity object.
         cruising = self.segment.velocity(top)
-        return [cruising if mean == top else self.segment.velocity(mean) for mean in means]
+        return [cruising if mean >= top else self.segment.velocity(mean) for mean in means]
 
     def state_at(self, time: float) -> PathState:
         """
@@ -354,5 +575,65 @@ class ProfiledPath(TimedPath):
         return self.profile.velocity
 
 
-#: Either kind of trajectory.
-Trajectory = ConstantVelocity | ProfiledPath
+@dataclass(frozen=True)
+class FlowLeg(ProfiledPath):
+    """
+    A straight line or an arc of a flow, which need not begin and end at rest.
+
+    :param start: the velocity at the start [m/s], not negative
+    :param end: the velocity at the end [m/s], not negative
+    """
+
+    start: float = 0.0
+    end: float = 0.0
+
+    @classmethod
+    def between(
+            cls, segment: PathSegment, limits: PathLimits, start: float, end: float) -> FlowLeg:
+        """
+        Return the fastest leg between two velocities.
+
+        :param segment: the path segment, long enough to change from one velocity to the other
+        :param limits: the limits along the segment
+        :param start: the velocity at the start [m/s], not negative
+        :param end: the velocity at the end [m/s], not negative
+        """
+        profile = replan_to_end(
+            PathState(0.0, start), segment.distance, limits.velocity, end, limits)
+        return cls(segment, limits, profile, start, end)
+
+    @property
+    def max_rate(self) -> float:
+        """Return the largest planned velocity along the leg [m/s]."""
+        # Rounding must not raise it above the limit.
+        return min(self.profile.velocity, self.limits.velocity)
+
+    @property
+    def planned_start(self) -> PathState:
+        """Return the planned position and velocity at the start of the leg."""
+        return PathState(0.0, self.start)
+
+    def first_state(self, factor: float, velocity: float) -> PathState:  # noqa: ARG002
+        """
+        Return the position and the velocity at the start of the leg.
+
+        :param factor: not used
+        :param velocity: the velocity at the end of the previous trajectory [m/s]; not used if the
+            leg begins at rest as planned
+        """
+        return PathState(0.0, velocity if self.start else 0.0)
+
+    def replanned(self, state: PathState, factor: float) -> Replanned:
+        """
+        Plan the rest of the leg again for another speed factor.
+
+        The factor multiplies the largest velocity of the leg and the velocity at its end.
+
+        :param state: the current position, velocity and acceleration along the leg
+        :param factor: the speed factor, from 0 to 1.  0 means a stop as soon as possible; if the
+            rest of the leg is too short to stop, the velocity at its end is not zero
+        """
+        if not factor:
+            return replan_through(state, self.segment.distance, 0.0, self.limits)
+        return replan_to_end(
+            state, self.segment.distance, factor * self.max_rate, factor * self.end, self.limits)

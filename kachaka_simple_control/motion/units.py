@@ -158,6 +158,9 @@ class Quantity:
             raise InvalidMotionError(f'{value} {self.unit}; it must not be negative', name=name)
         if self.sign is SignRule.POSITIVE:
             require_positive(name, value, self.unit)
+        if number > self.largest:
+            raise InvalidMotionError(
+                f'{value} {self.unit}; it must be at most {self.largest:g} {self.unit}', name=name)
 
     def _check(self, value: float, text: str) -> None:
         if not math.isfinite(value):
@@ -199,6 +202,8 @@ _RADIAN = {'rad': (1.0, 1.0), 'deg': (math.pi, 180.0), '°': (math.pi, 180.0)}
 
 LENGTH = Quantity('a length', _METRE, '0.5 m', SignRule.ANY, needs_unit=True)
 SIZE = Quantity('a size', _METRE, '0.4 m', needs_unit=True)
+TOLERANCE = Quantity(
+    'a tolerance', _METRE, '5 cm', SignRule.NOT_NEGATIVE, largest=1.0, needs_unit=True)
 ANGLE = Quantity('an angle', _RADIAN, '90 deg', SignRule.ANY, needs_unit=True)
 TIME = Quantity('a time', _SECOND, '2 s', SignRule.NOT_NEGATIVE)
 COMMAND_TIMEOUT = Quantity('a time above zero', _SECOND, '0.3 s')
@@ -215,8 +220,8 @@ ANGULAR_JERK = Quantity('an angular jerk', _per(_RADIAN, 's^3'), '360 deg/s^3')
 
 #: The quantity for each keyword in the JSON Schemas.
 QUANTITIES = {quantity.keyword: quantity for quantity in (
-    LENGTH, SIZE, ANGLE, TIME, COMMAND_TIMEOUT, FREQUENCY, LINEAR_VELOCITY, ANGULAR_VELOCITY,
-    POSITIVE_LINEAR_VELOCITY, POSITIVE_ANGULAR_VELOCITY, LINEAR_ACCELERATION,
+    LENGTH, SIZE, TOLERANCE, ANGLE, TIME, COMMAND_TIMEOUT, FREQUENCY, LINEAR_VELOCITY,
+    ANGULAR_VELOCITY, POSITIVE_LINEAR_VELOCITY, POSITIVE_ANGULAR_VELOCITY, LINEAR_ACCELERATION,
     ANGULAR_ACCELERATION, LINEAR_JERK, ANGULAR_JERK, VEER)}
 
 

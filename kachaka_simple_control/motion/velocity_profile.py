@@ -28,6 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 import math
 from typing import NamedTuple
@@ -120,22 +121,35 @@ class Ramp:
 
         :param time: the time since the start of the ramp [s], from 0 to the duration
         """
-        easing, acceleration = self.easing, self.acceleration
+        easing, acceleration, position = self.easing, self.acceleration, self.position_at(time)
         if time < easing:
             return PathState(
-                acceleration * time * time * time / (6.0 * easing),
-                acceleration * time * time / (2.0 * easing), acceleration * (time / easing))
+                position, acceleration * time * time / (2.0 * easing),
+                acceleration * (time / easing))
+        left = self.duration - time
+        if left < easing:
+            return PathState(
+                position, self.velocity - acceleration * left * left / (2.0 * easing),
+                acceleration * (left / easing))
+        return PathState(position, acceleration * (time - easing / 2.0), acceleration)
+
+    def position_at(self, time: float) -> float:
+        """
+        Return the distance driven at a time of the velocity ramp [m or rad].
+
+        See formula (3) of docs/theory.md.
+
+        :param time: the time since the start of the ramp [s], from 0 to the duration
+        """
+        easing, acceleration = self.easing, self.acceleration
+        if time < easing:
+            return acceleration * time * time * time / (6.0 * easing)
         left = self.duration - time
         if left < easing:
             fading = acceleration * left * left * left / (6.0 * easing)
-            return PathState(
-                self.velocity * (self.duration / 2.0 - left) + fading,
-                self.velocity - acceleration * left * left / (2.0 * easing),
-                acceleration * (left / easing))
+            return self.velocity * (self.duration / 2.0 - left) + fading
         held = time - easing
-        return PathState(
-            acceleration * (easing * easing / 6.0 + (easing + held) * held / 2.0),
-            acceleration * (time - easing / 2.0), acceleration)
+        return acceleration * (easing * easing / 6.0 + (easing + held) * held / 2.0)
 
     def means(self, part: float, count: int) -> list[float]:
         """
@@ -375,7 +389,25 @@ class Replanned:
     phases: tuple[Phase, ...]
     end: PathState
 
-    @property
+    @cached_property
+    def velocity(self) -> float:
+        """Return the largest velocity [u/s]."""
+        return max((state.velocity for phase in self.phases for state in (phase.start, phase.end)),
+                   default=0.0)
+
+    def means(self, count: int) -> list[float]:
+        """
+        Return the mean velocity in each of several equal time parts [u/s].
+
+        :param count: the number of parts, 1 or more
+        """
+        part = self.duration / count
+        marks = [self.state_at(part * index).position for index in range(count)]
+        # Rounding must not raise a mean above the limit, or make it negative.
+        return [min(max(0.0, (after - before) / part), self.velocity)
+                for before, after in pairwise([*marks, self.end.position])]
+
+    @cached_property
     def duration(self) -> float:
         """Return the duration of the new plan for the rest of the path [s]."""
         return math.fsum(phase.duration for phase in self.phases)
@@ -412,8 +444,12 @@ def replan_to_rest(
     """
     top = velocity
     left = distance - state.position
-    if velocity and _distance_to_rest(state, velocity, limits) > left:
-        top = _largest_velocity(state, left, velocity, limits)
+
+    def is_too_fast(top: float) -> bool:
+        return _distance_to_rest(state, top, limits) > left
+
+    if velocity and is_too_fast(velocity):
+        top = _largest_velocity(state, 0.0, velocity, limits, is_too_fast)
     phases = list(_change_velocity(state, top, limits))
     begin = phases[-1].end.position if phases else state.position
     if top:
@@ -427,23 +463,22 @@ def replan_to_rest(
     return Replanned(tuple(phases), PathState(distance if is_end else begin))
 
 
-def _largest_velocity(state: PathState, left: float, velocity: float, limits: PathLimits) -> float:
+def _largest_velocity(
+        state: PathState, low: float, high: float, limits: PathLimits,
+        is_too_fast: Callable[[float], bool]) -> float:
     """
-    Return the largest velocity from which the robot can still stop within the path.
+    Return the largest velocity from which the robot can still slow down within the path.
 
     The robot first changes to this velocity, and then stops.  See formula (16) of docs/theory.md.
 
-    :param state: the current position, velocity and acceleration
-    :param left: the length of the remaining path [u], where u is m or rad
-    :param velocity: a velocity that is too large for this [u/s]; the result is below it
-    :param limits: the limits of acceleration, deceleration and jerk.  The field ``velocity`` is
-        not used
+    :param state: the current position, velocity and acceleration along the path
+    :param low: the velocity at the end of the path [m/s or rad/s]
+    :param high: a velocity that is too large [m/s or rad/s]
+    :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
+        used
+    :param is_too_fast: whether the path is too short for a velocity
     """
-    def is_too_fast(top: float) -> bool:
-        return _distance_to_rest(state, top, limits) > left
-
-    low, high = 0.0, velocity
-    # The distance to stop is shortest if the acceleration does not change its sign.
+    # The distance is shortest if the acceleration does not change its sign.
     level = _velocity_at_zero_acceleration(state, limits)
     if low < level < high:
         low, high = (low, level) if is_too_fast(level) else (level, high)
@@ -476,6 +511,42 @@ def replan_through(
     return Replanned(tuple(phases), PathState(distance, velocity))
 
 
+def replan_to_end(
+        state: PathState, distance: float, velocity: float, end_velocity: float,
+        limits: PathLimits) -> Replanned:
+    """
+    Plan the rest of a path again: go on to its end, and have a given velocity there.
+
+    If the path is too short to reach the velocity at the end, the velocity there is as near to
+    it as possible.
+
+    :param state: the current state
+    :param distance: the length of the path [u], where u is m or rad
+    :param velocity: the wanted velocity on the way [u/s], above 0
+    :param end_velocity: the wanted velocity at the end [u/s], from 0 to ``velocity``
+    :param limits: the limits; their ``velocity`` is not used
+    """
+    left = distance - state.position
+
+    def is_too_fast(top: float) -> bool:
+        return _distance_over(state, (top, end_velocity), limits) > left
+
+    if is_too_fast(end_velocity):
+        return replan_through(state, distance, end_velocity, limits)
+    top = velocity
+    if is_too_fast(top):
+        top = _largest_velocity(state, end_velocity, velocity, limits, is_too_fast)
+    phases = list(_change_velocity(state, top, limits))
+    begin = PathState(phases[-1].end.position if phases else state.position, top)
+    ease = list(_change_velocity(begin, end_velocity, limits))
+    cruise = distance - (ease[-1].end.position if ease else begin.position)
+    if cruise > CRUISE_ROUNDING * distance and top:
+        phases.append(Phase(begin, 0.0, cruise / top))
+        ease = list(_change_velocity(
+            begin._replace(position=begin.position + cruise), end_velocity, limits))
+    return Replanned((*phases, *ease), PathState(distance, end_velocity))
+
+
 def _distance_to_rest(state: PathState, velocity: float, limits: PathLimits) -> float:
     """
     Return the distance needed to change to a velocity and then to stop [m or rad].
@@ -487,8 +558,14 @@ def _distance_to_rest(state: PathState, velocity: float, limits: PathLimits) -> 
     :param limits: the limits of acceleration, deceleration and jerk.  The field ``velocity`` is
         not used
     """
+    return _distance_over(state, (velocity, 0.0), limits)
+
+
+def _distance_over(
+        state: PathState, velocities: tuple[float, ...], limits: PathLimits) -> float:
+    """Return the distance needed to change to each of some velocities in turn [m or rad]."""
     start = PathState(0.0, *state[1:])
-    for wanted in (velocity, 0.0):
+    for wanted in velocities:
         for phase in _change_velocity(start, wanted, limits):
             start = phase.end
         start = PathState(start.position, wanted)

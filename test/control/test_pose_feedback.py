@@ -49,10 +49,11 @@ FLOOR = SimulationParameters(
     linear_gain=0.95, angular_gain=0.97, veer=math.radians(2.0), dead_time=0.2, lag=0.1)
 
 
-@pytest.mark.parametrize('seed', [1])
-def test_random_robots_end_where_they_should(seed):
+@pytest.mark.parametrize('seed, motion, furthest', [
+    (1, SQUARE, 0.010), (1, replace(SQUARE, corners=0.05), 0.015)])
+def test_random_robots_end_where_they_should(seed, motion, furthest):
     """Not calibrated but for the delay, that to 20 ms; the seed gives the same ones again."""
-    errors = [ClosedLoopDrive(*robot, seed=number).run()
+    errors = [ClosedLoopDrive(*robot, motion=motion, seed=number).run()
               for number, robot in enumerate(random_robots(30, seed))]
     distances = [math.hypot(error.x, error.y) for error in errors]
     angles = [abs(math.degrees(error.theta)) for error in errors]
@@ -60,7 +61,7 @@ def test_random_robots_end_where_they_should(seed):
           f'worst {max(distances) * 1e3:.1f} mm, {max(angles):.2f} deg')
     assert median(distances) <= 0.005
     assert median(angles) <= 0.3
-    assert max(distances) <= 0.010
+    assert max(distances) <= furthest
     assert max(angles) <= 1.0
 
 

@@ -167,6 +167,8 @@ def plans() -> Iterator[tuple[str, Plan]]:
         yield f'random {seed}', plan(drawn.motion, drawn.limits, drawn.rate)
     for name in library():
         file = find(name)
+        if file.motion.corners:  # a flow uses sines, whose last bits depend on the C library
+            continue
         limits = file.check(KACHAKA.limits)
         for rate in sorted({*LIBRARY_RATES, file.rate or LIBRARY_RATES[0]}):
             yield f'{name} at {rate:g} Hz', plan(file.motion, limits, rate)

@@ -26,6 +26,7 @@ from kachaka_simple_control.motion.steps import (
     Turn,
     Wait,
 )
+from kachaka_simple_control.motion.waypoints import Goto
 import pytest
 
 
@@ -63,9 +64,15 @@ import pytest
     (lambda: Repeat(1, 'abc'), "steps is 'abc'; it must be a sequence of steps"),
     (lambda: Repeat(1, Wait(1)), 'steps is Wait(duration=1); it must be a sequence of steps'),
     (lambda: Repeat(1, [Wait(1), 2]),
-     'steps[1]: it is 2; it must be one of Move, Forward, Turn, Arc, Wait, Settle, Repeat'),
-    (lambda: Motion('x', [None]),
-     'steps[0]: it is None; it must be one of Move, Forward, Turn, Arc, Wait, Settle, Repeat'),
+     ('steps[1]: it is 2; it must be one of Move, Forward, Turn, Arc, Wait, Settle, Repeat, Goto, '
+      'Waypoints')),
+    (lambda: Motion('x', [Goto((1.0, 0.0)), None]),
+     ('steps[1]: it is None; it must be one of Move, Forward, Turn, Arc, Wait, Settle, Repeat, '
+      'Goto, Waypoints')),
+    (lambda: Motion('x', (), corners=-0.05), 'corners is -0.05 m; it must not be negative'),
+    (lambda: Motion('x', (), corners=1.1), 'corners is 1.1 m; it must be at most 1 m'),
+    (lambda: Motion('x', (), corners=math.nan), 'corners is nan m; it must be a finite number'),
+    (lambda: Motion('x', (), corners='5 cm'), "corners is '5 cm'; it must be a number [m]"),
     (lambda: Motion(1, ()), 'name is 1; it must be text'),
     (lambda: Motion('x', (), None), 'description is None; it must be text'),
 ])

@@ -98,6 +98,7 @@ def test_other_notations_of_numbers_are_refused(text):
 
 @given(st.sampled_from(ALL), st.floats(1e-12, 1e3))
 def test_si_units_lose_no_digit(quantity: Quantity, value: float):
+    value = min(value, quantity.largest)
     assert quantity.parse(f'{value!r} {quantity.unit}') == value
     if not quantity.needs_unit:
         assert quantity.parse(repr(value)) == value

@@ -1,0 +1,136 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The places where the legs of a flow meet: corners, and joints of arcs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+from kachaka_simple_control.motion.corner import Corner, CornerTurn, plan_corner
+from kachaka_simple_control.motion.joint import Joint
+from kachaka_simple_control.motion.leg_speeds import Passed
+
+#: How many different corners are remembered: more than a motion usually has.
+REMEMBERED = 4096
+#: A tangent is stretched by at most this part of it.
+LARGEST_GROWTH = 1e-4
+
+_plan_corner = lru_cache(REMEMBERED)(plan_corner)
+
+
+@dataclass
+class CornerJoint:
+    """
+    The place where two lines meet.
+
+    :param turn: the turn; None if the second line goes straight on
+    :param speed: the linear velocity at the end of the first line and at the start of the
+        second [m/s]
+    :param tolerance: the largest deviation [m]
+    :param room: the largest tangent [m]
+    """
+
+    turn: CornerTurn | None
+    speed: float
+    tolerance: float
+    room: float
+    corner: Corner | None = field(init=False)
+    stretching: float = field(init=False, default=1.0)
+
+    def __post_init__(self) -> None:
+        """Plan the corner."""
+        self.slow_down(self.speed)
+
+    @property
+    def tangent(self) -> float:
+        """Return how much of each line the corner replaces [m]."""
+        return self.corner.tangent if self.corner else 0.0
+
+    before = after = tangent
+
+    def corner_at(self, speed: float) -> Corner | None:
+        """Return the corner with at most a speed at both ends [m/s]; None for a stop."""
+        if self.turn is None or not speed or not self.room:
+            return None
+        return _plan_corner(self.turn, self.tolerance, self.room, speed)
+
+    def passed(self, speed: float) -> Passed:
+        """Return how the corner is passed with at most a speed [m/s]."""
+        if self.turn is None:
+            return Passed(speed, 0.0, 0.0)
+        corner = self.corner_at(speed)
+        return Passed(corner.speed, corner.tangent, corner.tangent) if corner else Passed(
+            0.0, 0.0, 0.0)
+
+    def slow_down(self, speed: float) -> None:
+        """Plan the corner again with a lower speed at both ends [m/s]."""
+        self.speed, self.corner = speed, self.corner_at(speed)
+        if self.turn is not None:
+            self.speed = self.corner.speed if self.corner else 0.0
+            self.room = min(self.room, self.tangent)
+
+    def may_grow(self, missing: float) -> bool:
+        """Return whether the tangent may be longer by a little, within the tolerance [m]."""
+        return self.corner is not None and missing <= LARGEST_GROWTH * self.tangent and (
+            self.corner.deviation * (1.0 + missing / self.tangent) <= self.tolerance)
+
+    def stretch(self, missing: float) -> None:
+        """Lengthen the tangent by a little, at the same linear velocities [m]."""
+        assert self.corner is not None
+        self.stretching = 1.0 + missing / self.tangent
+        self.corner = replace(
+            self.corner, tangent=self.tangent * self.stretching,
+            deviation=self.corner.deviation * self.stretching)
+
+
+@dataclass
+class ArcJoint:
+    """
+    The place where an arc meets a line or another arc.
+
+    :param joint: the joint; None if the robot stops, or goes on with the same curvature
+    :param speed: the linear velocity there [m/s]; 0 for a stop
+    """
+
+    joint: Joint | None
+    speed: float
+
+    @property
+    def before(self) -> float:
+        """Return how much of the leg before it the joint replaces at most [m]."""
+        return self.joint.before if self.joint else 0.0
+
+    @property
+    def after(self) -> float:
+        """Return how much of the leg after it the joint replaces at most [m]."""
+        return self.joint.after if self.joint else 0.0
+
+    def passed(self, speed: float) -> Passed:
+        """Return how the joint is passed with at most a speed [m/s]."""
+        return Passed(speed, self.before, self.after)
+
+    def slow_down(self, speed: float) -> None:
+        """Take a lower speed [m/s]."""
+        self.speed = speed
+
+
+def corners_of(one: CornerJoint | ArcJoint, two: CornerJoint | ArcJoint) -> list[CornerJoint]:
+    """Return which of two joints are corners that are cut, the second one first."""
+    return [joint for joint in (two, one) if isinstance(joint, CornerJoint) and joint.corner]
+
+
+def corner_of(one: CornerJoint | ArcJoint, two: CornerJoint | ArcJoint) -> CornerJoint | None:
+    """Return the joint that can shrink: the second if it is a corner, else the first if it is."""
+    return next(iter(corners_of(one, two)), None)

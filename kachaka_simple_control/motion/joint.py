@@ -1,0 +1,385 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Plan a joint: between a line and an arc, or between two arcs, the robot drives on without a stop.
+
+The curvature of the path jumps where a line meets an arc, but the angular velocity of a robot
+cannot jump.  So the arcs are driven on slightly smaller circles.  This leaves a gap between a
+circle and its neighbour, and the joint bridges the gap: the linear velocity is constant, and the
+angular velocity changes along one ramp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+import math
+from typing import NamedTuple
+
+from kachaka_simple_control.motion.chain import ARC_SHARE, Axis, ChainPath
+from kachaka_simple_control.motion.corner import largest_part
+from kachaka_simple_control.motion.geometry import sinc, Velocity
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.velocity_profile import Ramp, ramp
+
+#: A joint lasts at least this part of the longest duration of an arc of a chain, so that no
+#: message is much shorter than the others.
+SHORTEST = 0.5
+#: The second difference of what is sent may exceed the limit of the jerk by this fraction, where a
+#: message is shorter than the one before it.
+UNEQUAL_JERK = 0.01
+#: A joint takes at most this angle from each arc [rad].  For larger angles, the width of the gap
+#: would no longer grow with the duration of the joint.
+LARGEST_ANGLE = 1.4
+#: With this number of arcs a chain is nearly a smooth curve.  Its length differs from the length
+#: of the smooth curve by less than ``SMOOTH_SHARE``.
+SMOOTH_COUNT = 64
+SMOOTH_SHARE = 1e-3
+#: How many different ramps are remembered.
+REMEMBERED = 4096
+#: How often a root is improved at most; about ten times are enough for the last bit.
+ROOT_STEPS = 100
+
+
+class Circle(NamedTuple):
+    """
+    A line or a circle of the path, seen from the point where it meets its neighbour.
+
+    The x axis points in the driving direction at this point, and the y axis to the left of it.
+
+    :param curvature: the heading change for each driven metre [rad/m], positive to the left; 0 for
+        a line.  The line is the x axis
+    :param x: the position of the centre [m]
+    :param y: the position of the centre [m]
+    """
+
+    curvature: float
+    x: float = 0.0
+    y: float = 0.0
+
+
+class Replaced(NamedTuple):
+    """
+    How much of the two neighbours a joint replaces.
+
+    A value is negative if the neighbour becomes longer.
+
+    :param before: the replaced part of the first neighbour: a length [m] of a line, or an angle
+        [rad] of an arc
+    :param after: the replaced part of the second neighbour, likewise
+    """
+
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class Bend:
+    """
+    The form of a joint: which curves it connects, and how the angular velocity changes in it.
+
+    :param one: the line or circle before the joint
+    :param two: the line or circle after the joint
+    :param easing: the part of the duration in which the angular acceleration rises, and in which
+        it falls again, from 0 to 1/2
+    :param rate: the rate of the plan [Hz]
+    :param least: the least number of arcs of the chain
+    """
+
+    one: Circle
+    two: Circle
+    easing: float
+    rate: float
+    least: int = 1
+
+    def gap(self, speed: float, duration: float, count: int) -> float:
+        """
+        Return by how much a chain bridges more than the gap between the two curves [m].
+
+        See formula (27) of docs/theory.md.
+
+        :param speed: the linear velocity [m/s]
+        :param duration: the duration of the chain [s]
+        :param count: the number of arcs of the chain
+        """
+        x, y, angle = self._chain(speed, duration, count)
+        one, two = self.one, self.two
+        if not one.curvature:
+            return math.copysign(1.0, two.curvature) * (
+                y + math.cos(angle) / two.curvature - two.y)
+        if not two.curvature:
+            return math.copysign(1.0, one.curvature) * (
+                math.cos(angle) / one.curvature + x * math.sin(angle) - y * math.cos(angle)
+                - one.y)
+        between = math.hypot(*self._between_centres(x, y, angle))
+        wanted = math.hypot(two.x - one.x, two.y - one.y)
+        return between - wanted if one.curvature * two.curvature < 0.0 else wanted - between
+
+    def replaced(self, speed: float, duration: float, count: int) -> Replaced:
+        """
+        Return how much of the two neighbours a chain replaces.
+
+        See formula (28) of docs/theory.md.
+
+        :param speed: the linear velocity [m/s]
+        :param duration: the duration of the chain, with which it bridges the gap [s]
+        :param count: the number of arcs of the chain
+        """
+        x, y, angle = self._chain(speed, duration, count)
+        one, two = self.one, self.two
+        if not one.curvature:
+            return Replaced(x - math.sin(angle) / two.curvature - two.x, abs(angle))
+        if not two.curvature:
+            end = (one.x - math.sin(angle) / one.curvature
+                   + x * math.cos(angle) + y * math.sin(angle))
+            return Replaced(abs(angle), end)
+        along, across = self._between_centres(x, y, angle)
+        heading = math.remainder(
+            math.atan2(two.y - one.y, two.x - one.x) - math.atan2(across, along), math.tau)
+        return Replaced(-math.copysign(1.0, one.curvature) * heading,
+                        math.copysign(1.0, two.curvature) * (heading + angle))
+
+    def duration(self, speed: float, count: int | None = None) -> tuple[float, int] | None:
+        """
+        Return the duration with which the joint bridges the gap [s], and the number of arcs.
+
+        :param speed: the linear velocity [m/s]
+        :param count: the number of arcs; None for the least number that the rate of the plan
+            allows
+        :returns: None if there is no such duration
+        """
+        change = abs(self.two.curvature - self.one.curvature)
+        largest = 2.0 * LARGEST_ANGLE / (
+            speed * max(abs(self.one.curvature), abs(self.two.curvature)))
+        # The gap of a smooth joint grows with the square of its duration, for short durations.
+        missing = -self.gap(speed, 0.0, 1)
+        if missing <= 0.0:
+            return None
+        guess = math.sqrt(24.0 * missing / change) / speed
+        arcs = count or max(self.least, arc_count(guess / math.sqrt(3.0), self.rate))
+        while True:
+            def above(time: float, arcs: int = arcs) -> float:
+                return self.gap(speed, time, arcs)
+            high = guess
+            while (value := above(high)) < 0.0:
+                if high > 2.0 * largest:
+                    return None
+                high *= 1.3
+            time = _root(above, 0.0, high, -missing, value)
+            if count or time <= arcs * ARC_SHARE / self.rate * (1.0 + 1e-9):
+                return time, arcs
+            arcs = max(arcs + 1, arc_count(time, self.rate))
+
+    def angular(self, speed: float, count: int) -> list[float]:
+        """Return the angular velocity in each arc of a chain [rad/s]."""
+        start, end = speed * self.one.curvature, speed * self.two.curvature
+        low, high = min(start, end), max(start, end)
+        # Rounding must not raise a velocity above its limit.
+        return [min(max(start + (end - start) * mean, low), high)
+                for mean in _means(self.easing, count)]
+
+    def _chain(self, speed: float, duration: float, count: int) -> tuple[float, float, float]:
+        """Return x [m], y [m] and the heading [rad] at the end of a chain, seen from its start."""
+        step = speed * duration / count
+        start, slope = step * self.one.curvature, step * (self.two.curvature - self.one.curvature)
+        x = y = heading = 0.0
+        for mean in _means(self.easing, count):
+            angle = start + slope * mean
+            middle = heading + angle / 2.0
+            chord = step * sinc(angle / 2.0)
+            x += chord * math.cos(middle)
+            y += chord * math.sin(middle)
+            heading += angle
+        return x, y, heading
+
+    def _between_centres(self, x: float, y: float, angle: float) -> tuple[float, float]:
+        """Return the way from the first centre to the second one [m], seen from the chain."""
+        one, two = 1.0 / self.one.curvature, 1.0 / self.two.curvature
+        return x - two * math.sin(angle), y + two * math.cos(angle) - one
+
+
+class Joint(NamedTuple):
+    """
+    A joint that the robot can drive without a stop.
+
+    :param bend: its form
+    :param speed: the largest linear velocity [m/s]; each lower one is possible too
+    :param spare: by which factor the joint takes longer than the angular limits need
+    :param length: its length [m]
+    :param before: the largest length of the first neighbour that it replaces at any speed [m]
+    :param after: the largest length of the second neighbour that it replaces at any speed [m]
+    """
+
+    bend: Bend
+    speed: float
+    spare: float
+    length: float
+    before: float
+    after: float
+
+
+def joint_path(
+        bend: Bend, speed: float, direction: float, limits: Limits) -> tuple[ChainPath, Replaced]:
+    """
+    Return the path of a joint, and how much of its neighbours it replaces.
+
+    :param bend: the form of the joint
+    :param speed: the linear velocity [m/s], at most that of the joint
+    :param direction: 1 forwards, -1 backwards
+    :param limits: the limits of the robot
+    """
+    found = bend.duration(speed)
+    assert found is not None
+    time, count = found
+    return ChainPath(
+        tuple(Velocity(direction * speed, angular) for angular in bend.angular(speed, count)),
+        time / count, speed, Axis(limits.max_linear_acceleration, limits.linear_deceleration),
+        Axis(limits.max_angular_acceleration, limits.angular_deceleration),
+    ), bend.replaced(speed, time, count)
+
+
+def turn_ramp(change: float, limits: Axis, jerk: float, rate: float) -> Ramp:
+    """
+    Return the fastest symmetrical ramp of the angular velocity in a joint.
+
+    :param change: the change of the angular velocity [rad/s], not negative
+    :param limits: the limits of the angular acceleration; the smaller one counts
+    :param jerk: the limit of the angular jerk [rad/s^3]
+    :param rate: the rate of the plan [Hz]
+    """
+    quickest = ramp(change, min(limits), jerk)
+    if jerk == math.inf or not change:
+        return quickest
+    # The messages of a joint are shorter than those of an arc beside it.  If the jerk has its
+    # limit on both sides, the second difference of the messages is above the limit, by up to
+    # total - 1.  So that at most UNEQUAL_JERK remains, the jerk in the joint is a little lower.
+    count = arc_count(1.05 * quickest.duration, rate)
+    tick = min(max(quickest.duration * rate / count, SHORTEST * ARC_SHARE), ARC_SHARE)
+    width = (1.0 + 3.0 * tick) / 4.0
+    beside = 1.0 / (3.0 * (1.0 + tick) * width)
+    total = 1.0 + (1.0 - tick) / (12.0 * width)
+    return ramp(change, min(limits),
+                jerk * (1.0 + UNEQUAL_JERK - beside) / (total - beside))
+
+
+def arc_count(duration: float, rate: float) -> int:
+    """Return the number of arcs of a chain with a duration [s], at a rate [Hz]."""
+    return max(1, math.ceil(duration * rate / ARC_SHARE * (1.0 - 1e-9)))
+
+
+def plan_joint(
+        one: Circle, two: Circle, speed: float, limits: Axis, jerk: float,
+        rate: float, most: int | None = None) -> Joint | None:
+    """
+    Return the fastest joint between two curves.
+
+    :param one: the line or circle before the joint
+    :param two: the line or circle after the joint, with another curvature
+    :param speed: the largest linear velocity that is useful [m/s]
+    :param limits: the limits of the angular acceleration
+    :param jerk: the limit of the angular jerk [rad/s^3]
+    :param rate: the rate of the plan [Hz]
+    :param most: estimate the joint with at most this number of arcs; None for the exact joint
+    :returns: None if no gap is left between the curves
+    """
+    change = abs(two.curvature - one.curvature)
+    sharpest = max(abs(one.curvature), abs(two.curvature))
+
+    def form(speed: float) -> tuple[Bend, float]:
+        turn = turn_ramp(speed * change, limits, jerk, rate)
+        time = max(turn.duration, SHORTEST * ARC_SHARE / rate)
+        easing = turn.easing / turn.duration if turn.duration else 0.0
+        return Bend(one, two, easing, rate, arc_count(time, rate)), time
+
+    def excess(part: float) -> float:
+        bend, time = form(part * speed)
+        angle = part * speed * time * sharpest / 2.0
+        if angle > LARGEST_ANGLE:
+            return angle
+        return bend.gap(part * speed, time, min(bend.least, most or bend.least))
+
+    if form(speed)[0].gap(speed, 0.0, 1) >= 0.0:
+        return None
+    part = largest_part(excess)
+    if not part:
+        return None
+    chosen = part * speed
+    bend, shortest = form(chosen)
+    found = bend.duration(chosen, min(bend.least, most) if most else None)
+    if found is None:
+        return None
+    if most:
+        # A smooth curve is longer than the chain by this factor, for small angles.
+        smooth = (found[0] * math.sqrt(1.0 + 2.0 / found[1] ** 2), found[1])
+    elif (refined := bend.duration(chosen, SMOOTH_COUNT)) is not None:
+        smooth = refined
+    else:
+        return None
+    length = smooth[0] * chosen
+    lost = bend.replaced(chosen, *smooth)
+    margin = SMOOTH_SHARE * length
+    return Joint(
+        bend, chosen, found[0] / shortest, length,
+        lost.before / (abs(one.curvature) or 1.0) + margin,
+        lost.after / (abs(two.curvature) or 1.0) + margin)
+
+
+@lru_cache(REMEMBERED)
+def _means(easing: float, count: int) -> tuple[float, ...]:
+    """
+    Return the mean of a ramp from 0 to 1 in each of several equal time parts.
+
+    :param easing: the part of the duration in which the slope rises, and in which it falls again
+    :param count: the number of parts
+    """
+    means = Ramp(1.0, 1.0 / (1.0 - easing), easing, 1.0).means(1.0 / count, count)
+    half = count // 2
+    middle = (0.5,) if count % 2 else ()
+    return (*means[:half], *middle, *(1.0 - mean for mean in reversed(means[:half])))
+
+
+def _root(
+        function: Callable[[float], float], low: float, high: float, below: float,
+        above: float) -> float:
+    """
+    Return where a function changes its sign, to the last bits.
+
+    The method is regula falsi with the Illinois rule.
+
+    :param function: the function
+    :param low: a place where the function is negative
+    :param high: a place where the function is not negative
+    :param below: the value at ``low``
+    :param above: the value at ``high``
+    """
+    best, least, last = high, above, 0
+    for _ in range(ROOT_STEPS):
+        if not least:
+            break
+        guess = low + (high - low) * (below / (below - above))
+        if not low < guess < high:
+            break
+        value = function(guess)
+        if abs(value) <= abs(least):
+            best, least = guess, value
+        if value < 0.0:
+            low, below = guess, value
+            above = above / 2.0 if last < 0 else above
+            last = -1
+        else:
+            high, above = guess, value
+            below = below / 2.0 if last > 0 else below
+            last = 1
+    return best

@@ -1,0 +1,156 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+List the steps of a motion whose paths depend on the poses at which they begin.
+
+A step such as ``Goto`` becomes turns and legs.  They depend on where the robot is then, so the
+steps are followed in driving order, from pose to pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.motion.geometry import advance, compose, ORIGIN, Pose
+from kachaka_simple_control.motion.step_base import Step
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """
+    A step that does not depend on a pose, with its place in the motion.
+
+    :param path: its place, as in ``steps[2].goto.forward``
+    :param step: the step
+    :param place: the place of its fields, as in ``steps[2].goto.forward.``
+    :param speed_place: the place of its field ``speed``, which a goto step gives
+    :param corners: its tolerance of corners [m]
+    """
+
+    path: str
+    step: Step
+    place: str
+    speed_place: str
+    corners: float
+
+
+class Block(NamedTuple):
+    """
+    Steps that are driven several times, always on the same path seen from their start.
+
+    :param times: how often they are driven
+    :param parts: the steps, in driving order
+    """
+
+    times: int
+    parts: Sequence[Leaf | Block]
+
+
+def is_placed(step: Step) -> bool:
+    """
+    Return whether the path of a step depends on the pose at its start.
+
+    :param step: the step; a block depends on it if a step in it does
+    """
+    block = step.block()
+    return step.is_placed if block is None else any(map(is_placed, block[1]))
+
+
+class Placer:
+    """
+    Follow the steps of a motion from pose to pose, and turn each goto into turns and legs.
+
+    :param corners: the tolerance of corners of the motion [m]
+    :param visit: a function to call with each step that is listed; it may raise an error to end
+        the list
+    :param refuse: a function to call with the place of each wrong value, and the error
+    """
+
+    def __init__(
+            self, corners: float, visit: Callable[[Leaf], None],
+            refuse: Callable[[str, InvalidMotionError], None]) -> None:
+        self._corners, self._visit, self._refuse = corners, visit, refuse
+        self._pose = ORIGIN
+
+    def parts(self, steps: Sequence[Step], prefix: str) -> list[Leaf | Block]:
+        """
+        Return the steps that drive some steps, from the current pose on.
+
+        :param steps: the steps
+        :param prefix: the place of the steps in the motion, as in ``steps[3].repeat.``
+        """
+        found: list[Leaf | Block] = []
+        for index, step in enumerate(steps):
+            path = f'{prefix}steps[{index}]'
+            place = f'{path}.{step.keyword}.'
+            if (block := step.block()) is None:
+                found += self._leaves(step, path, place)
+            elif is_placed(step):
+                found += self._unrolled(*block, place)
+            else:
+                found.append(self._repeated(*block, place))
+        return found
+
+    def _leaves(self, step: Step, path: str, place: str) -> list[Leaf]:
+        if not step.is_placed:
+            leaves = [Leaf(path, step, place, f'{place}speed', self._corners)]
+            for segment in step.path():
+                self._pose = advance(self._pose, segment.length, segment.angle)
+        else:
+            parts, self._pose = step.placed(
+                self._pose, lambda name, error: self._refuse(place + name, error))
+            corners = self._corners if step.corners is None else step.corners
+            leaves = [Leaf(place + part.name, part.step, f'{place}{part.name}.', f'{place}speed',
+                           corners) for part in parts]
+        for leaf in leaves:
+            self._visit(leaf)
+        return leaves
+
+    def _repeated(self, times: int, steps: Sequence[Step], place: str) -> Block:
+        start, self._pose = self._pose, ORIGIN
+        block = Block(times, self.parts(steps, place))
+        self._pose = compose(start, _power(self._pose, times))
+        return block
+
+    def _unrolled(self, times: int, steps: Sequence[Step], place: str) -> list[Leaf | Block]:
+        """Return the steps of each repetition; those after a known pose are a block."""
+        passes: list[list[Leaf | Block]] = []
+        known: dict[Pose, int] = {}
+        for index in range(times):
+            if (first := known.setdefault(self._pose, index)) != index:
+                # From here on the repetitions are the same again and again.
+                cycle, left = passes[first:], times - index
+                whole, rest = divmod(left, len(cycle))
+                again = Block(whole, [part for parts in cycle for part in parts])
+                self._pose = list(known)[first + rest]
+                return [*_joined(passes), again, *_joined(cycle[:rest])]
+            passes.append(self.parts(steps, place))
+        return _joined(passes)
+
+
+def _joined(passes: Sequence[Sequence[Leaf | Block]]) -> list[Leaf | Block]:
+    return [part for parts in passes for part in parts]
+
+
+def _power(pose: Pose, times: int) -> Pose:
+    """Return the pose after a displacement was driven several times."""
+    result = ORIGIN
+    while times:
+        if times % 2:
+            result = compose(result, pose)
+        pose, times = compose(pose, pose), times // 2
+    return result
