@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import atexit
 from collections.abc import Mapping
+from dataclasses import replace
 import signal
 import sys
 import time
@@ -193,7 +194,8 @@ class KachakaSimpleControl(Node):
         Drive a motion with exact timing, and return after the zero velocity at its end.
 
         If the parameter ``closed_loop`` is set, the velocities are corrected with odometry during
-        the motion.  At the end of the motion, the heading is corrected with odometry, too.
+        the motion.  At the end of the motion, the heading is corrected with odometry, too.  If the
+        parameter ``corners`` is above 0, it replaces the motion's ``corners``.
 
         Before the first drive, this method waits for the robot and enables its manual control, the
         mode in which the robot follows velocities.  If no drive follows at once, more zero
@@ -213,6 +215,8 @@ class KachakaSimpleControl(Node):
                 f'run() drives a Motion, not {escaped(repr(motion), 60)}: make one by '
                 "Motion('name', steps), or take one of a file by find('square').motion, from "
                 'kachaka_simple_control.files.library')
+        if self.node_parameters.corners:
+            motion = replace(motion, corners=self.node_parameters.corners)
         driven = self.session.drive(DriveOrder.of(
             motion, self.profile.planning_limits, self.node_parameters.rate, limits,
             self.node_parameters.closed_loop), request)

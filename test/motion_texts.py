@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import loads
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
+from kachaka_simple_control.motion.waypoints import Goto, Waypoints
 
 #: Every kind of step, with all its fields.
 EVERYTHING = """\
@@ -41,24 +42,39 @@ steps:
       steps:
         - wait: 1 min
         - repeat: {times: 0, steps: []}
+  - goto: [1 m, 0.5 m]
+  - goto: {point: [0 m, -50 cm], heading: 0 deg, speed: 0.2 m/s}
+  - waypoints: [[1 m, 0 m]]
+  - waypoints:
+      points: [[1 m, 1 m], [0 m, 1 m]]
+      heading: 90 deg
+      speed: 0.2 m/s
+      corners: 10 cm
+corners: 5 cm
 """
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 SPEEDS = st.none() | st.floats(min_value=0.0, exclude_min=True, allow_infinity=False)
 RADII = FINITE.filter(lambda radius: abs(radius) > 1e-3)
+TOLERANCES = st.floats(0.0, 1.0)
 TIMES = st.floats(min_value=0.0, allow_infinity=False)
+POINTS = st.tuples(FINITE, FINITE)
 SIMPLE = st.one_of(
     st.builds(Move, FINITE, FINITE, TIMES),
     st.builds(Forward, FINITE, SPEEDS),
     st.builds(Turn, FINITE, SPEEDS),
     st.builds(Arc, RADII, FINITE, SPEEDS),
-    st.builds(Wait, TIMES))
+    st.builds(Wait, TIMES),
+    st.builds(Goto, POINTS, st.none() | FINITE, SPEEDS),
+    st.builds(
+        Waypoints, st.lists(POINTS, min_size=1, max_size=3), st.none() | FINITE, SPEEDS,
+        st.none() | TOLERANCES))
 STEPS = st.recursive(
     SIMPLE, lambda steps: st.builds(Repeat, st.integers(0, 9), st.lists(steps, max_size=3)),
     max_leaves=8)
 #: A file cannot have lone surrogates.
 TEXTS = st.text(st.characters(blacklist_categories=['Cs']), max_size=20)
-MOTIONS = st.builds(Motion, TEXTS, st.lists(STEPS, max_size=6), TEXTS)
+MOTIONS = st.builds(Motion, TEXTS, st.lists(STEPS, max_size=6), TEXTS, TOLERANCES)
 
 
 def refusal(text: str, name: str = 'bad.yaml') -> list[str]:

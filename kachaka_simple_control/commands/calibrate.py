@@ -212,10 +212,12 @@ def require_ready(options: CalibrateOptions) -> Settings:
 
     :param options: the options of the command
     :returns: the settings for the drive, such as the robot's profile and the message rate
-    :raises UsageError: if the robot has no odometry, or the output file already exists or cannot
-        be written; the robot has not moved
+    :raises UsageError: if the robot has no odometry, corners are to be cut, or the output file
+        already exists or cannot be written; the robot has not moved
     """
     settings = choose_settings(options, None)
+    if settings.corners:
+        raise UsageError(f'corners is {settings.corners:g} m: {calibrate_options.NEEDS_RESTS}')
     robot, file = settings.robot, options.file
     # This raises an error before the robot moves if a calibration cannot be added to the profile.
     calibrated_text(robot, OdometryCalibration() if options.part else Calibration())

@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,8 @@ NAME = 'kachaka_calibrate'
 OUTPUT = Path('my_kachaka.yaml')
 #: The names of the two measurements that need a tape measure.
 FLOOR, UMBMARK = 'floor', 'umbmark'
+#: Why a calibration motion is driven without corners.
+NEEDS_RESTS = 'a calibration needs the rests between its steps; leave it out'
 EPILOG = """\
 Without a word it measures by odometry alone: what the robot makes of the velocities that it is
 sent.  It drives to and fro and round, for three quarters of a minute on about a metre of floor.
@@ -100,6 +103,8 @@ def parse(arguments: Sequence[str]) -> CalibrateOptions:
         parser.error(f'--plot is not about {NAME} {part}')
     if (squares := values['squares']) is not None and not 1 <= squares <= 20:
         parser.error(f'--squares is {squares}; it must be from 1 to 20')
+    if values['corners']:
+        parser.error(f'--corners is {values["corners"]:g} m: {NEEDS_RESTS}')
     cli.take_simulation(parser, values)
     return CalibrateOptions(**values)
 
@@ -129,4 +134,6 @@ def _parser() -> OneLineParser:
          help='the distance of the wheels that odometry uses (default: what its file says; of a '
               "kachaka '0.2 m')")
     cli.add_drive_options(parser)
+    # Known only to be refused with its reason.
+    add('--corners', type=cli.tolerance, help=argparse.SUPPRESS)
     return parser

@@ -36,7 +36,7 @@ from kachaka_simple_control.kachaka.program import (
     simulation_parameters,
     simulation_words,
 )
-from kachaka_simple_control.motion.units import point_advice
+from kachaka_simple_control.motion.units import point_advice, TOLERANCE, UnitError
 from kachaka_simple_control.text import escaped
 
 NAME = 'kachaka_simple_control'
@@ -70,6 +70,7 @@ class Options:
         not given
     :param rate: the rate of velocity messages [Hz]; None if not given
     :param closed_loop: whether odometry corrects the velocities; None if not given
+    :param corners: how far the robot may pass the corners between steps [m]; None if not given
     :param speed: the initial speed as a fraction of the planned speed, up to 1; None if not given
     :param list: whether to list the motions of the package
     :param plan: whether to print the plan of each motion
@@ -93,6 +94,7 @@ class Options:
     robot: str | None = None
     rate: float | None = None
     closed_loop: bool | None = None
+    corners: float | None = None
     speed: float | None = None
     list: bool = False  # noqa: A003
     plan: bool = False
@@ -216,6 +218,9 @@ def _parser() -> OneLineParser:
     add('--closed-loop', action=argparse.BooleanOptionalAction,
         help='correct the velocities by odometry; needs a robot that kachaka_calibrate has '
              'measured (default: what the motion says, or not)')
+    add('--corners', type=tolerance, metavar='LENGTH',
+        help='drive through corners without a stop, and pass each by this length at most, as in '
+             '--corners 5cm; 0 stops at each (default: what the motion says, or 0)')
     add('--version', action='store_true', help='print the version')
     return parser
 
@@ -265,6 +270,23 @@ def _speed(text: str) -> float:
             raise argparse.ArgumentTypeError(f'{escaped(text, 60)!r} has no %: write {meant}')
     raise argparse.ArgumentTypeError(
         f'{escaped(text, 60)!r} is not from 1% to 100%, as in 50%; to stop, pause')
+
+
+def tolerance(text: str) -> float:
+    """
+    Return the value of the option ``--corners`` [m]: a length, or 0 without a unit.
+
+    If the text is not a length from 0 to 1 m, argparse prints an error.
+
+    :param text: the text of the user, as in ``5cm``
+    """
+    with contextlib.suppress(ValueError):
+        if float(text) == 0.0:
+            return 0.0
+    try:
+        return TOLERANCE.parse(text.strip())
+    except UnitError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _count(text: str) -> int:

@@ -31,6 +31,7 @@ from kachaka_simple_control.commands.settings import (
     describe_overrides,
     in_file,
     Settings,
+    with_corners,
 )
 from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
@@ -92,6 +93,9 @@ def drive(options: Options) -> DriveLog:
             keys = _keys(robot_control) if is_shown else {}
             for line in describe_overrides(options, motion_file, robot_control.node_parameters):
                 robot_control.get_logger().info(line)
+            if motion_file is not None:
+                motion_file = with_corners(
+                    options, motion_file, robot_control.node_parameters.corners)
             robot_control.event_bus.publish(session_started(
                 robot_control, 'lesson' if motion_file is None else motion_file.motion.name,
                 robot_control.profile, robot_control.robot_names, robot_control.node_parameters,
@@ -199,7 +203,11 @@ def _motion_file(options: Options) -> MotionFile | None:
             f'--sim and --address start a kachaka, not a {profile.name}: leave out that '
             'option, or --robot')
     if motion_file is not None:
-        settings.limits_of(motion_file)
+        settings.limits_of(with_corners(options, motion_file, settings.corners))
+    elif options.corners is not None or settings.corners:
+        raise UsageError(
+            'corners are for motions: the lesson calls move_robot(), which ends each movement '
+            'with a stop; leave them out, or name a motion')
     elif settings.closed_loop:
         raise UsageError(
             'a closed loop is for motions: the lesson calls move_robot(), which odometry '
@@ -222,8 +230,11 @@ def _count_movements() -> int | None:
 def _parameters(options: Options) -> list[Parameter]:
     # The table and the report need the odometry that the parameter ``summary`` records.
     summary = options.starts_bridge or options.calibrates or options.report is not None or None
+    # A calibration needs its rests, whatever a parameter file says.
+    corners = 0.0 if options.calibrates else options.corners
     values = {'robot': options.robot, 'rate': options.rate, 'summary': summary,
-              'closed_loop': options.closed_loop, 'speed_factor': chosen_speed(options)}
+              'closed_loop': options.closed_loop, 'corners': corners,
+              'speed_factor': chosen_speed(options)}
     return [Parameter(name, value=value) for name, value in values.items() if value is not None]
 
 

@@ -20,7 +20,11 @@ import sys
 
 from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.commands.cli import Options
-from kachaka_simple_control.commands.settings import choose_settings, describe_overrides
+from kachaka_simple_control.commands.settings import (
+    choose_settings,
+    describe_overrides,
+    with_corners,
+)
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find, library
 from kachaka_simple_control.motion.plan import DriveOrder
@@ -96,6 +100,7 @@ def plan_view(name: str, options: Options) -> PlanView:
     if not options.list:
         for line in describe_overrides(options, motion_file, settings):
             print(line, file=sys.stderr)
+    motion_file = with_corners(options, motion_file, settings.corners)
     profile = settings.profile
     order = DriveOrder.of(
         motion_file.motion, profile.planning_limits, settings.rate,

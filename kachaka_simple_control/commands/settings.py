@@ -12,23 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Choose the robot, the rate of messages, and open-loop or closed-loop control for a motion.
+Choose the robot, the rate of messages, the control and the corners of a motion.
 
-Each value is from an option of the command, a ROS parameter (``-p``), or the motion's file.  If
-none of them gives the value, there is a default.
+The control is open-loop or closed-loop.  Corners are passed by at most a tolerance.  Each value is
+from an option of the command, a ROS parameter (``-p``), or the motion's file.  If none of them
+gives the value, there is a default.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.control.timing import MAX_RATE, min_rate
-from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.errors import InvalidMotionError, UsageError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
-from kachaka_simple_control.motion.units import point_advice, require_number
+from kachaka_simple_control.motion.units import point_advice, require_number, TOLERANCE
 from kachaka_simple_control.ros.node_parameters import NodeParameters, parameter_arguments
 from kachaka_simple_control.text import escaped, quoted
 
@@ -38,7 +39,9 @@ if TYPE_CHECKING:
     from kachaka_simple_control.motion.limits import Limits
 
 #: The settings that an option, a ROS parameter (``-p``) or a motion's file can set.
-NAMES = ('robot', 'rate', 'closed_loop')
+NAMES = ('robot', 'rate', 'closed_loop', 'corners')
+#: The units of the settings that have one.
+UNITS = {'rate': 'Hz', 'corners': 'm'}
 
 
 @dataclass(frozen=True)
@@ -50,12 +53,15 @@ class Settings:
     :param rate: the rate of velocity messages [Hz]
     :param profile: the robot's profile, which has its topics, limits and calibration
     :param closed_loop: whether odometry corrects the velocities
+    :param corners: how far the robot may pass the corners between steps, to drive through them
+        without a stop [m]; 0 to stop at each of them
     """
 
     robot: str
     rate: float
     profile: RobotProfile
     closed_loop: bool = False
+    corners: float = 0.0
 
     def limits_of(self, motion_file: MotionFile) -> Limits:
         """
@@ -75,7 +81,7 @@ class Settings:
 
 def choose_settings(options: Options, motion_file: MotionFile | None) -> Settings:
     """
-    Choose the robot, the message rate, and open-loop or closed-loop control for a motion.
+    Choose the robot, the message rate, the control and the corners of a motion.
 
     A value that an option or a ROS parameter (``-p``) gives has priority over the value in the
     motion's file.  If none of them gives a value, the default is used.
@@ -89,7 +95,8 @@ def choose_settings(options: Options, motion_file: MotionFile | None) -> Setting
     """
     given = _given(options)
     values = {'robot': NodeParameters.robot, 'rate': NodeParameters.rate,
-              'closed_loop': NodeParameters.closed_loop, **in_file(motion_file), **given}
+              'closed_loop': NodeParameters.closed_loop, 'corners': NodeParameters.corners,
+              **in_file(motion_file), **given}
     robot, rate = str(values['robot']), require_number('rate', values['rate'], 'Hz')
     profile = find_robot(robot)
     lowest = min_rate(profile.command_timeout)
@@ -101,7 +108,25 @@ def choose_settings(options: Options, motion_file: MotionFile | None) -> Setting
     closed_loop = bool(values['closed_loop'])
     if closed_loop:
         profile.feedback_delay()
-    return Settings(robot, rate, profile, closed_loop)
+    corners = require_number('corners', values['corners'], 'm')
+    return Settings(robot, rate, profile, closed_loop, corners)
+
+
+def with_corners(options: Options, motion_file: MotionFile, corners: float) -> MotionFile:
+    """
+    Return a motion's file whose motion has the tolerance of corners with which it is driven.
+
+    All later code then takes the tolerance from the motion.
+
+    :param options: the options of the command.  If they say 0, the robot stops at all corners,
+        also inside steps that have a tolerance of their own
+    :param motion_file: the motion's file
+    :param corners: the tolerance that was chosen [m]
+    """
+    motion = replace(motion_file.motion, corners=corners)
+    if _given(options).get('corners') == 0.0:
+        motion = motion.with_stops()
+    return replace(motion_file, motion=motion)
 
 
 def describe_overrides(
@@ -125,7 +150,7 @@ def describe_overrides(
         source = f'parameter {name}'
         if getattr(options, name) is not None:
             source = _option(name, value).partition(' ')[0]
-        unit = ' Hz' if name == 'rate' else ''
+        unit = f' {UNITS[name]}' if name in UNITS else ''
         lines.append(
             f'{name} is {_text(value)}{unit} by {source}, not {_text(said)}{unit} as in '
             f'{escaped(motion_file.source if motion_file else "")}')
@@ -134,7 +159,7 @@ def describe_overrides(
 
 def in_file(motion_file: MotionFile | None) -> dict[str, object]:
     """
-    Return the values of robot, rate and closed_loop that a motion's file contains.
+    Return the values of robot, rate, closed_loop and corners that a motion's file contains.
 
     :param motion_file: the motion's file; None if the motion has no file
     :returns: the values by name; a name that the file does not contain is left out
@@ -145,7 +170,7 @@ def in_file(motion_file: MotionFile | None) -> dict[str, object]:
 
 def _given(options: Options) -> dict[str, object]:
     """
-    Return the values of robot, rate and closed_loop that the command line contains.
+    Return the values of robot, rate, closed_loop and corners that the command line contains.
 
     An option, such as ``--rate 50``, or a ROS parameter, such as ``-p rate:=50``, gives a value.
 
@@ -191,6 +216,19 @@ def _number(name: str, text: str) -> float:
         raise UsageError(f'parameter {name} is {quoted(text, 60)}; {advice}') from None
 
 
+def _tolerance(name: str, text: str) -> float:
+    try:
+        tolerance = float(text)
+    except ValueError:
+        raise UsageError(f'parameter {name} is {quoted(text, 60)}; it must be a number in m, as '
+                         'in 0.05') from None
+    try:
+        TOLERANCE.require(name, tolerance)
+    except InvalidMotionError as error:
+        raise UsageError(f'parameter {error}') from None
+    return tolerance
+
+
 def _boolean(name: str, text: str) -> bool:
     # The words that ROS accepts for a boolean.
     for value, words in ((True, ('true', 'yes', 'on', 'y')), (False, ('false', 'no', 'off', 'n'))):
@@ -201,7 +239,8 @@ def _boolean(name: str, text: str) -> bool:
 
 #: The functions that convert the text of a parameter to its value.
 _READERS: dict[str, Callable[[str, str], object]] = {
-    'robot': lambda _, text: text, 'rate': _number, 'closed_loop': _boolean}
+    'robot': lambda _, text: text, 'rate': _number, 'closed_loop': _boolean,
+    'corners': _tolerance}
 
 
 def _option(name: str, value: object) -> str:
@@ -214,7 +253,8 @@ def _option(name: str, value: object) -> str:
     word = name.replace('_', '-')
     if isinstance(value, bool):
         return f'--{word}' if value else f'--no-{word}'
-    return f'--{word} {_text(value)}'
+    # The option --corners needs a unit; --rate has none.
+    return f'--{word} {_text(value)}{"m" if name == "corners" else ""}'
 
 
 def _text(value: object) -> str:

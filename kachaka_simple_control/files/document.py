@@ -296,7 +296,7 @@ class Document:
         :param error: the error; ``error.name`` is the key of the wrong value in this mapping, or
             None if the error is about the whole mapping
         """
-        self.add_problem(path if error.name is None else [*path, error.name], error.message)
+        self.add_problem([*path, *parse_path(error.name or '')], error.message)
 
     def read_quantity(self, path: KeyPath, quantity: Quantity) -> float | None:
         """
@@ -427,6 +427,11 @@ def _too_few(error: Any) -> _Messages:
     yield None, f'nothing; it must be {_expected(error.schema)}'
 
 
+def _number_of_items(error: Any) -> _Messages:
+    found = f'a list of {len(error.instance)}' if error.instance else 'an empty list'
+    yield None, f'{found}; it must be {_expected(error.schema)}'
+
+
 def _too_many(error: Any) -> _Messages:
     keys = ' and '.join(quoted(key) for key in list(error.instance)[:3])
     yield None, (f"{keys} in one step; begin each step with '- ', and indent what belongs to it "
@@ -435,6 +440,8 @@ def _too_many(error: Any) -> _Messages:
 
 def _beyond(error: Any) -> _Messages:
     quantity = QUANTITIES.get(error.schema.get('quantity'))
+    if quantity and quantity.needs_unit:
+        return  # a number without a unit has its own message
     unit = f' {quantity.unit}' if quantity else ''
     bound = f'{_BOUNDS[error.validator]} {error.validator_value}{unit}'
     yield None, f'{error.instance}{unit}; it must be {bound}'
@@ -448,6 +455,7 @@ _MESSAGES: dict[str, Callable[[Any], _Messages]] = {
     'maxProperties': _too_many,
     'minProperties': _too_few,
     'required': _missing,
+    **dict.fromkeys(('minItems', 'maxItems'), _number_of_items),
     **dict.fromkeys(('pattern', 'type'), _wrong),
     **dict.fromkeys(_BOUNDS, _beyond)}
 

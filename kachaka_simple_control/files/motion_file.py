@@ -47,11 +47,24 @@ from kachaka_simple_control.motion.step_base import (
     FieldKind,
     FileField,
     KINDS,
+    PointField,
+    PointList,
     Step,
     StepList,
 )
 from kachaka_simple_control.motion.steps import Motion
-from kachaka_simple_control.motion.units import FREQUENCY, Quantity, SignRule
+from kachaka_simple_control.motion.units import (
+    FREQUENCY,
+    LENGTH,
+    Quantity,
+    SignRule,
+    TOLERANCE,
+)
+
+# Imported so that the steps are known.
+import kachaka_simple_control.motion.waypoints  # noqa: F401
+
+POINT = PointField()
 
 
 @dataclass(frozen=True)
@@ -68,6 +81,8 @@ class MotionFile:
     :param rate: the rate at which to send velocities [Hz]; None if the file gives no rate
     :param closed_loop: whether to use odometry to correct the velocities; None if the file does
         not say
+    :param corners: how far the robot may pass the corners between steps [m], as in ``motion``;
+        None if the file does not say
     :param root: the values of the file, with their line numbers; None if the motion was not read
         from a YAML text
     :param text: the text of the file; None if the motion was not read from a YAML text
@@ -79,6 +94,7 @@ class MotionFile:
     limits: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), hash=False)
     rate: float | None = None
     closed_loop: bool | None = None
+    corners: float | None = None
     root: Node | None = field(default=None, repr=False, compare=False)
     text: str | None = field(default=None, repr=False, compare=False)
 
@@ -185,9 +201,7 @@ def _read_fields(document: Document, path: KeyPath, kind: type[Step]) -> Step | 
             # Read nested steps even if this step is invalid, to report all their errors.
             values[name] = read_steps(document, place)
         elif is_good and (is_short or name in node.children):
-            form = parts[name].kind
-            values[name] = (document.read_quantity(place, form) if isinstance(form, Quantity)
-                            else int(document.root.at(place).data))
+            values[name] = _read_value(document, place, parts[name].kind)
     if step.has_problem:
         return None
     try:
@@ -195,6 +209,28 @@ def _read_fields(document: Document, path: KeyPath, kind: type[Step]) -> Step | 
     except InvalidMotionError as error:
         document.add_error(path, error)
         return None
+
+
+def _read_value(document: Document, path: KeyPath, kind: FieldKind) -> Any:
+    """
+    Read a value of a step, and return it: a number, a point or a list of points.
+
+    If the value is invalid, record a problem; the returned value is then of no use.
+
+    :param document: the values of the file, already checked against the JSON Schema of a motion
+    :param path: the keys and list indices that lead to the value
+    :param kind: the type of the value
+    """
+    match kind:
+        case Quantity():
+            return document.read_quantity(path, kind)
+        case PointField():
+            return tuple(document.read_quantity([*path, index], LENGTH) for index in range(2))
+        case PointList():
+            points = range(len(document.root.at(path).data))
+            return tuple(_read_value(document, [*path, index], POINT) for index in points)
+        case _:
+            return int(document.root.at(path).data)
 
 
 def count(steps: Iterable[Step]) -> int:
@@ -245,16 +281,20 @@ def _read(document: Document, source: str) -> MotionFile:
     data = document.root.data if isinstance(document.root.data, dict) else {}
     steps = read_steps(document, ['steps'])
     limits = document.read_quantities(['limits'], LIMIT_QUANTITIES)
-    rate = document.read_quantities([], {'rate': FREQUENCY}).get('rate')
+    numbers = document.read_quantities([], {'rate': FREQUENCY, 'corners': TOLERANCE})
+    corners = numbers.get('corners')
     if count(steps) > MAX_STEPS:
         document.add_problem(
             ['steps'], f'{count(steps)} steps, with all repeats; at most {MAX_STEPS} are read')
     if document.problems:
         raise UnreadableFileError(*document.problems)
+    motion = Motion(
+        data.get('name', PurePath(source).stem), steps, data.get('description', ''),
+        0.0 if corners is None else corners)
     return MotionFile(
-        motion=Motion(data.get('name', PurePath(source).stem), steps, data.get('description', '')),
-        source=source, robot=_robot(data.get('robot'), source), limits=MappingProxyType(limits),
-        rate=rate, closed_loop=data.get('closed_loop'), root=document.root)
+        motion=motion, source=source, robot=_robot(data.get('robot'), source),
+        limits=MappingProxyType(limits), rate=numbers.get('rate'),
+        closed_loop=data.get('closed_loop'), corners=corners, root=document.root)
 
 
 def _robot(name_or_path: str | None, source: str) -> str | None:
@@ -293,6 +333,8 @@ def dump(motion: Motion) -> str:
     lines = [f'name: {_text(motion.name)}']
     if motion.description:
         lines.append(f'description: {_text(motion.description)}')
+    if motion.corners:
+        lines.append(f'corners: {_number(motion.corners, TOLERANCE)}')
     lines += ['steps:' if motion.steps else 'steps: []', *_steps(motion.steps, '  ')]
     text = '\n'.join(lines) + '\n'
     if loads(text, motion.name).motion != motion:
@@ -321,9 +363,18 @@ def _steps(steps: Iterable[Step], indent: str) -> Iterator[str]:
             yield f'{indent}- {step.keyword}: {{{inner}}}'
 
 
-def _number(value: float, kind: FieldKind) -> str:
-    # float(): an int is printed without an exponent, and repr() of a numpy number has its type.
-    return f'{float(value)!r} {kind.unit}' if isinstance(kind, Quantity) else str(value)
+def _number(value: Any, kind: FieldKind) -> str:
+    match kind:
+        case Quantity():
+            # float(): an int is printed without an exponent, and repr() of a numpy number has its
+            # type.
+            return f'{float(value)!r} {kind.unit}'
+        case PointField():
+            return f'[{", ".join(_number(number, LENGTH) for number in value)}]'
+        case PointList():
+            return f'[{", ".join(_number(point, POINT) for point in value)}]'
+        case _:
+            return str(value)
 
 
 def _text(text: str) -> str:
@@ -384,6 +435,14 @@ def _kind_schema(kind: object) -> Schema:
         case Count():
             return {'expected': 'a whole number', 'type': 'integer', 'minimum': 0,
                     'maximum': kind.largest}
+        case PointField():
+            return {'expected': 'a point: x and y, as in [1 m, 0.5 m]', 'type': ['array'],
+                    'minItems': 2, 'maxItems': 2,
+                    'items': {'description': 'x, then y.', **quantity_schema(LENGTH)}}
+        case PointList():
+            return {'expected': 'a list of points, as in [[1 m, 0 m], [1 m, 1 m]]',
+                    'type': ['array'], 'minItems': 1,
+                    'items': {'description': 'A point.', **_kind_schema(POINT)}}
         case _:
             return {'expected': "a list of steps, each beginning with '- '", 'type': 'array',
                     'items': {'$ref': '#/definitions/step'}}
@@ -395,7 +454,10 @@ def quantity_schema(quantity: Quantity) -> Schema:
 
     :param quantity: the kind of quantity, with the allowed units and signs of its values
     """
-    bounds = {SignRule.ANY: {}, SignRule.NOT_NEGATIVE: {'minimum': 0},
-              SignRule.POSITIVE: {'exclusiveMinimum': 0}}[quantity.sign]
+    bounds: Schema = {
+        SignRule.ANY: {}, SignRule.NOT_NEGATIVE: {'minimum': 0},
+        SignRule.POSITIVE: {'exclusiveMinimum': 0}}[quantity.sign]
+    if math.isfinite(quantity.largest):
+        bounds['maximum'] = int(quantity.largest)
     types = ['string'] if quantity.needs_unit else ['number', 'string']
     return {'quantity': quantity.keyword, 'type': types, 'pattern': quantity.pattern, **bounds}

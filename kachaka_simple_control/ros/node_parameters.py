@@ -85,6 +85,9 @@ class NodeParameters:
         MIN_SPEED_FACTOR, 1.0, read_only=False)
     closed_loop: bool = _parameter(
         False, 'Correct motions by odometry; the delay of the robot must be calibrated')
+    corners: float = _parameter(
+        0.0, 'How far a motion may pass its corners, to drive through them without a stop [m]; '
+        '0: as the motion says', 0.0, 1.0)
     summary: bool = _parameter(
         False, 'Record what is sent and what odometry reports, for the table at the end')
 

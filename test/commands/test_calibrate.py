@@ -89,6 +89,12 @@ def test_a_dry_run_shows_the_drive_and_drives_nothing(run, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_no_corners_are_no_corners(run):
+    code, output, errors, _ = run('--dry-run', '--corners', '0')
+    assert (code, errors) == (0, '')
+    assert 'calibration on kachaka at 10 Hz' in output
+
+
 def test_a_real_robot_is_driven_only_after_somebody_has_confirmed(run, monkeypatch):
     code, _, errors, driven = run('--address', 'robot')
     assert (code, driven) == (2, [])
@@ -133,6 +139,10 @@ def test_what_cannot_be_is_refused_before_anything_moves(run, tmp_path):
         "--sim --side '1 m'",
         '--sim --robot ./worn.yaml',
         '--sim --robot ./worn.yaml --output ./worn.yaml',
+        '--sim --corners 5cm',
+        'floor --dry-run --corners 5cm',
+        '--sim --corners 2m',
+        '--sim --ros-args -p corners:=0.05',
     )
 
     def refusal(words: str) -> str:

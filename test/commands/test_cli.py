@@ -62,6 +62,9 @@ REFUSED = (
     # Full speed for one person is a hundredth of it for another.
     '--speed 1', '--speed 1.0', '--speed 0.5', '--speed 0.01', '--speed 0,5',
     '--speed 12,5', '--speed 12,5%',
+    '--corners', '--corners=-5cm', '--corners -5cm', '--corners 5', '--corners 2m',
+    '--corners 100000km', '--corners nan', '--corners=-inf', '--corners 1e999m', '--corners 5%',
+    '--corners 0,5m', '--corners=', '--cornres 5cm',
 )
 
 
@@ -85,6 +88,15 @@ def test_the_errors_of_the_simulated_robot_are_passed_on():
 def test_a_motion_is_repeated_so_many_times():
     assert parse(['square']).repeat == 1
     assert parse(['square', '--repeat', '12']).repeat == 12
+
+
+@pytest.mark.parametrize('text, metres', [
+    ('5cm', 0.05), ('5 cm', 0.05), ('50mm', 0.05), ('0.05m', 0.05), ('0', 0.0), ('0.0', 0.0),
+    ('0 cm', 0.0), ('0m', 0.0), ('1 m', 1.0)])
+def test_a_tolerance_of_corners_is_a_length_or_0(text, metres):
+    assert parse(['square', '--corners', text]).corners == metres
+    assert parse(['square', '--plan', f'--corners={text}']).corners == metres
+    assert parse(['square']).corners is None
 
 
 def test_the_version_is_that_of_the_package(capsys):

@@ -23,6 +23,7 @@ from kachaka_simple_control.commands.settings import (
     choose_settings,
     chosen_speed,
     describe_overrides,
+    with_corners,
 )
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.document import MotionFileError
@@ -117,6 +118,34 @@ def test_what_needs_all_of_the_limits_cannot_be_corrected(measured):
         'to 0.27 m/s')
 
 
+CUT = ('corners: 5 cm\nsteps: [forward: 1 m]', 'cut.yaml')
+
+
+@pytest.mark.parametrize('words, file, corners, overridden', [
+    ('', PLAIN, 0.0, []),
+    ('', CUT, 0.05, []),
+    ('--corners 10cm', PLAIN, 0.1, []),
+    ('--corners 5cm', CUT, 0.05, []),
+    ('--corners 20mm', CUT, 0.02, ['corners is 0.02 m by --corners, not 0.05 m as in cut.yaml']),
+    ('--corners 0', CUT, 0.0, ['corners is 0 m by --corners, not 0.05 m as in cut.yaml']),
+    ('--corners=0cm', CUT, 0.0, ['corners is 0 m by --corners, not 0.05 m as in cut.yaml']),
+    ('--corners 5cm --ros-args -p corners:=0.05', PLAIN, 0.05, []),
+    ('--ros-args -p corners:=0.1', CUT, 0.1,
+     ['corners is 0.1 m by parameter corners, not 0.05 m as in cut.yaml']),
+    ('--ros-args -p corners:=0', CUT, 0.0,
+     ['corners is 0 m by parameter corners, not 0.05 m as in cut.yaml']),
+    ('--corners 1m', PLAIN, 1.0, []),
+])
+def test_corners_are_cut_by_what_wins(words, file, corners, overridden):
+    chosen, lines = settings(words, file)
+    assert chosen.corners == corners
+    assert lines == overridden
+    driven = with_corners(parse(words.split()), loads(*file), chosen.corners)
+    assert driven.motion.corners == corners
+    # What the file says is still known.
+    assert driven.corners == loads(*file).corners
+
+
 #: What is refused beside a file that names robot and rate.
 REFUSED = (
     '--rate 20 --ros-args -p rate:=30',
@@ -129,6 +158,13 @@ REFUSED = (
     '--closed-loop',
     '--no-closed-loop --ros-args -p closed_loop:=true',
     '--ros-args -p closed_loop:=maybe',
+    '--corners 5cm --ros-args -p corners:=0.1',
+    '--corners 0 --ros-args -p corners:=0.1',
+    '--ros-args -p corners:=5cm',
+    '--ros-args -p corners:=-0.05',
+    '--ros-args -p corners:=2',
+    '--ros-args -p corners:=nan',
+    '--ros-args -p corner:=0.05',
 )
 
 

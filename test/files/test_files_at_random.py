@@ -55,7 +55,8 @@ JSON = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(
         st.text(max_size=3) | st.sampled_from(
             ['steps', 'repeat', 'times', 'wait', 'forward', 'distance', 'speed', 'angle', 'turn',
-             'arc', 'radius', 'limits', 'name', 'rate', 'command_timeout', 'footprint', 'move']),
+             'arc', 'radius', 'goto', 'point', 'waypoints', 'points', 'corners', 'limits',
+             'name', 'rate', 'command_timeout', 'footprint', 'move']),
         inner, max_size=4),
     max_leaves=12)
 
@@ -118,7 +119,8 @@ def test_any_values_in_the_places_of_a_motion_are_read_or_refused(data):
     accept_or_refuse(json.dumps(data))
 
 
-@given(JSON, st.sampled_from(['move', 'forward', 'turn', 'arc', 'wait', 'repeat']))
+@given(JSON, st.sampled_from(
+    ['move', 'forward', 'turn', 'arc', 'wait', 'repeat', 'goto', 'waypoints']))
 @SETTINGS
 def test_any_value_in_the_place_of_a_step_is_read_or_refused(value, word):
     accept_or_refuse(json.dumps({'steps': [{word: value}, value]}))

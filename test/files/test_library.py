@@ -31,8 +31,8 @@ import pytest
 
 pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
-NAMES = ['calibration', 'circle', 'figure_eight', 'floor_straight', 'floor_turn', 'lesson', 'spin',
-         'square', 'square_cw', 'straight', 'umbmark_ccw', 'umbmark_cw']
+NAMES = ['calibration', 'circle', 'figure_eight', 'floor_straight', 'floor_turn', 'flowing_eight',
+         'lesson', 'spin', 'square', 'square_cw', 'straight', 'umbmark_ccw', 'umbmark_cw']
 
 
 def drive(pose: Pose, steps: tuple[Step, ...]) -> Pose:
@@ -62,7 +62,8 @@ def test_the_library_has_these_motions():
 
 @pytest.mark.parametrize('name, end', [
     ('calibration', (0, 0, 0)), ('circle', (0, 0, 360)), ('figure_eight', (0, 0, 0)),
-    ('floor_straight', (1, 0, 0)), ('floor_turn', (0, 0, 360)), ('lesson', (0.1, 0, 0)),
+    ('floor_straight', (1, 0, 0)), ('floor_turn', (0, 0, 360)), ('flowing_eight', (0, 0, 0)),
+    ('lesson', (0.1, 0, 0)),
     ('spin', (0, 0, 360)), ('square', (0, 0, 360)), ('square_cw', (0, 0, -360)),
     ('straight', (1, 0, 0)), ('umbmark_ccw', (0, 0, 360)), ('umbmark_cw', (0, 0, -360))])
 def test_each_ends_where_its_name_says(name, end):

@@ -55,7 +55,7 @@ def test_its_files_can_be_read(page, tmp_path):
 
 def test_each_form_of_a_step_in_the_table_is_valid(page):
     forms = re.findall(r'^\| `(\w+: .+?)` \|', page, re.MULTILINE)
-    assert len(forms) == 7
+    assert len(forms) == 9
     for form in forms:
         loads(f'steps: [{{{form.replace("[...]", "[]")}}}]')
 

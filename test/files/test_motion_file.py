@@ -26,6 +26,7 @@ from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import dump, load, loads
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
+from kachaka_simple_control.motion.waypoints import Goto, Waypoints
 from motion_texts import EVERYTHING, MOTIONS
 import pytest
 
@@ -56,8 +57,11 @@ def test_every_kind_of_step_is_read():
         Forward(0.5), Turn(math.pi / 2), Arc(0.3, math.pi, 0.15), Move(0.1, 0.0, 1.0), Wait(2.0),
         Forward(-0.2, 0.1), Turn(-1.0, math.pi / 4), Wait(0.5),
         Repeat(4, (Wait(60.0), Repeat(0, ()))),
-    ), 'One of each.')
-    assert (file.robot, file.rate, file.source) == ('kachaka', 20.0, 'everything.yaml')
+        Goto((1.0, 0.5)), Goto((0.0, -0.5), 0.0, 0.2), Waypoints(((1.0, 0.0),)),
+        Waypoints(((1.0, 1.0), (0.0, 1.0)), math.pi / 2, 0.2, 0.1),
+    ), 'One of each.', 0.05)
+    assert (file.robot, file.rate, file.source, file.corners) == (
+        'kachaka', 20.0, 'everything.yaml', 0.05)
     assert file.limits == {'max_linear_velocity': 0.2, 'max_angular_jerk': math.pi / 2}
 
 
@@ -90,6 +94,7 @@ def test_only_the_steps_are_required():
     file = loads('steps: []', 'folder/quiet.yaml')
     assert file.motion == Motion('quiet', ())
     assert (file.robot, file.rate, dict(file.limits)) == (None, None, {})
+    assert (file.motion.corners, file.corners) == (0.0, None)
 
 
 @pytest.mark.usefixtures('any_loader')
@@ -110,7 +115,9 @@ def test_a_file_read_is_not_changed(tmp_path):
 @pytest.mark.parametrize('path, line', [
     ('steps', 6), ('steps[0]', 7), ('steps[0].forward.distance', 7), ('steps[2].arc.speed', 9),
     ('steps[8].repeat', 15), ('steps[8].repeat.times', 16), ('steps[8].repeat.steps[0].wait', 18),
-    ('steps[8].repeat.steps[1].repeat.times', 19), ('steps[9]', 6), ('limits', 4)])
+    ('steps[8].repeat.steps[1].repeat.times', 19), ('limits', 4),
+    ('steps[10].goto.point', 21), ('steps[12].waypoints.points[1]', 24), ('steps[13]', 6),
+    ('steps[12].waypoints.corners', 27), ('steps[12].waypoints.points[1].forward', 24)])
 def test_a_path_in_a_motion_has_a_line(path, line):
     assert loads(EVERYTHING, 'a.yaml').where(path) == f'a.yaml:{line}'
 

@@ -1,0 +1,91 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""``--plan`` shows a motion with the corners that are chosen for it."""
+
+from __future__ import annotations
+
+from kachaka_simple_control.commands.cli import parse
+from kachaka_simple_control.commands.drive_or_preview import main
+from kachaka_simple_control.commands.preview import plan_view
+from program import call
+import pytest
+
+pytestmark = pytest.mark.needs('jsonschema', 'yaml')
+
+CUT = """\
+corners: 5 cm
+steps:
+  - forward: 0.5 m
+  - turn: 90 deg
+  - forward: 0.5 m
+"""
+
+
+@pytest.fixture
+def cut(tmp_path, monkeypatch):
+    """Return the path of a motion with a corner."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'cut.yaml').write_text(CUT)
+    return './cut.yaml'
+
+
+def planned(*words):
+    """Return the plan of a command line."""
+    options = parse([*words, '--plan'])
+    return plan_view(options.motions[0], options).plan
+
+
+def test_a_file_with_corners_is_planned_with_them(cut):
+    plan = planned(cut)
+    assert plan.saved_time > 1.0
+    assert 0.0 < plan.steps[1].cut.deviation <= 0.05 * (1.0 + 1e-6)
+    assert plan.pose.x == pytest.approx(0.5, abs=1e-9)
+
+
+@pytest.mark.parametrize('words', [
+    ['--corners', '0'], ['--corners', '0 cm'], ['--ros-args', '-p', 'corners:=0']])
+def test_without_corners_each_step_ends_with_a_stop(cut, words):
+    plan = planned(cut, *words)
+    assert plan.saved_time == 0.0
+    assert all(step.cut is None and not step.joins_next for step in plan.steps)
+
+
+def test_without_corners_waypoints_stop_too(cut, tmp_path):
+    (tmp_path / 'points.yaml').write_text(
+        'steps: [waypoints: {points: [[1 m, 0 m], [1 m, 1 m]], corners: 10 cm}]')
+    assert planned('./points.yaml').saved_time > 1.0
+    assert planned('./points.yaml', '--corners', '1cm').steps[1].cut.tolerance == 0.1
+    assert planned('./points.yaml', '--corners', '0').saved_time == 0.0
+
+
+def test_an_option_gives_any_motion_corners():
+    stops, cut = planned('square'), planned('square', '--corners', '5cm')
+    assert cut.saved_time == pytest.approx(stops.duration - cut.duration)
+    assert cut.saved_time > 5.0
+    assert planned('square', '--corners', '0').segments == stops.segments
+
+
+def test_what_wins_is_told_and_planned(cut, capsys):
+    code, output, errors = call(main, [cut, '--plan', '--corners', '2cm'], capsys)
+    assert code == 0
+    assert errors == 'corners is 0.02 m by --corners, not 0.05 m as in ./cut.yaml\n'
+    assert 'forward 0.5 m' in output
+
+
+def test_bad_corners_of_a_file_are_refused_with_their_line(tmp_path, capsys):
+    file = tmp_path / 'bad.yaml'
+    file.write_text(CUT.replace('5 cm', '-5 cm'))
+    code, output, errors = call(main, [str(file), '--plan'], capsys)
+    assert (code, output) == (2, '')
+    assert errors.endswith(f"{file}:1: corners: '-5 cm'; it must not be negative\n")
