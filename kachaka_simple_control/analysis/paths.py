@@ -17,14 +17,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 import math
-from typing import Any
+from typing import Any, TypeAlias
 
+from kachaka_simple_control.motion.chain import ChainPath
 from kachaka_simple_control.motion.geometry import (
     advance,
     compose,
     distance_between,
+    integrate,
     ORIGIN,
     Point,
     Pose,
@@ -139,32 +142,132 @@ class ArcSegment:
         return math.copysign(math.tau, self.angle) + math.fmod(self.angle, math.tau)
 
 
-def step_segments(plan: Plan, start: Pose = ORIGIN) -> list[list[ArcSegment]]:
+@dataclass(frozen=True)
+class ChainSegment:
     """
-    Return the path of each step of a plan, as segments of constant curvature.
+    A part of a planned path whose curvature varies, such as a corner that is cut.
+
+    :param start: the pose at the start of the segment
+    :param chain: the chain of short arcs that the robot drives
+    """
+
+    start: Pose
+    chain: ChainPath
+
+    @property
+    def distance(self) -> float:
+        """Return the signed length [m], negative backwards."""
+        return self.chain.length
+
+    @property
+    def angle(self) -> float:
+        """Return the heading change [rad], positive to the left."""
+        return self.chain.angle
+
+    @property
+    def end(self) -> Pose:
+        """Return the pose at the end of the path segment."""
+        return self.chain.advance(self.start)
+
+    @property
+    def middle(self) -> Pose:
+        """
+        Return the pose in the middle of the path segment, for an arrow in a plot.
+
+        The heading is the direction of travel.  If the robot drives backwards, this direction is
+        opposite to the heading of the robot.
+        """
+        pose = self.poses(2)[0]
+        return pose if self.distance >= 0.0 else Pose(pose.x, pose.y, pose.theta + math.pi)
+
+    def points(self) -> list[Point]:
+        """
+        Return points along the path segment, close enough to draw it as a curve [m].
+
+        The start point is left out.
+        """
+        return [(pose.x, pose.y) for pose in self.poses(self.count)]
+
+    @property
+    def count(self) -> int:
+        """Return the number of straight lines that are needed to draw the segment as a curve."""
+        # The angular velocity of a turn with limited jerk is at most twice its mean.
+        return max(1, math.ceil(2.0 * abs(self.angle) / BEND))
+
+    def poses(self, count: int) -> list[Pose]:
+        """
+        Return poses along the path segment at equal intervals of planned time.
+
+        The start pose is left out.
+
+        :param count: the number of poses
+        """
+        arcs, tick = len(self.chain.sent), self.chain.tick
+        poses = []
+        for number in range(1, count + 1):
+            index, part = divmod(number * arcs, count)
+            pose = self._arc_ends[index]
+            if part:
+                pose = integrate(pose, self.chain.sent[index], tick * part / count)
+            poses.append(pose)
+        return poses
+
+    @cached_property
+    def _arc_ends(self) -> list[Pose]:
+        poses = [self.start]
+        for velocity in self.chain.sent:
+            poses.append(integrate(poses[-1], velocity, self.chain.tick))
+        return poses
+
+
+#: A part of a planned path: with constant curvature, or a chain of short arcs.
+PathPart: TypeAlias = ArcSegment | ChainSegment
+
+
+def step_segments(plan: Plan, start: Pose = ORIGIN) -> list[list[PathPart]]:
+    """
+    Return the planned path of each step of a plan.
+
+    A step of a flow, which is a run of steps without a stop, has the path that is planned for it,
+    with cut corners.
 
     :param plan: the plan
     :param start: the pose at the start of the plan
-    :returns: for each step, the list of its segments, in order
+    :returns: for each step, the list of the parts of its path, in order
     """
     steps = []
     pose = start
     for planned in plan.steps:
-        segments = []
-        for segment in planned.step.path():
-            segments.append(ArcSegment(pose, segment.length, segment.angle))
+        segments: list[PathPart] = []
+        for path in planned.trajectories:
+            segments.append(ChainSegment(pose, path) if isinstance(path, ChainPath)
+                            else ArcSegment(pose, path.length, path.angle))
             pose = segments[-1].end
         steps.append(segments)
         pose = compose(start, planned.pose)  # the same pose, without accumulated rounding errors
     return steps
 
 
-def arc_segments(plan: Plan) -> list[ArcSegment]:
-    """Return the path of a plan that starts at the origin, as segments of constant curvature."""
+def arc_segments(plan: Plan) -> list[PathPart]:
+    """Return the planned path of a plan, from the origin, as a list of parts in driving order."""
     return [segment for segments in step_segments(plan) for segment in segments]
 
 
-def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:
+def uncut_path(plan: Plan) -> list[ArcSegment]:
+    """
+    Return the path of a plan with a stop at each step, from the origin, so without cut corners.
+
+    :param plan: the plan
+    """
+    segments: list[ArcSegment] = []
+    for planned in plan.steps:
+        for segment in planned.step.path():
+            pose = segments[-1].end if segments else ORIGIN
+            segments.append(ArcSegment(pose, segment.length, segment.angle))
+    return segments
+
+
+def polyline(segments: Iterable[PathPart], grain: float) -> list[Point]:
     """
     Return the points of a polyline that shows consecutive path segments in a plot.
 

@@ -21,13 +21,14 @@ loop publishes a velocity, and then sleeps for at most one period.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 import math
 from operator import attrgetter
 from typing import NamedTuple
 
+from kachaka_simple_control.analysis.flows import repetition_key
 from kachaka_simple_control.analysis.paths import sample_path
 from kachaka_simple_control.control.tick_scheduler import TIME_TOLERANCE
 from kachaka_simple_control.motion.geometry import (
@@ -182,16 +183,17 @@ def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
     iterations = 0
     for plan in plans:
         goal = compose(goal, plan.pose)
-        results: dict[str, _LoopStep] = {}
+        results: dict[Hashable, _LoopStep] = {}
         index = 0
         for step in plan.steps:
             count = bisect_left(plan.segments, step.end, index, key=attrgetter('start')) - index
-            # A repeated step has the same result each time.
-            if step.path not in results:
-                results[step.path] = _loop_step(
+            # A repeated step that is driven in the same way has the same result each time.
+            key = repetition_key(step)
+            if key not in results:
+                results[key] = _loop_step(
                     step, plan.segments[index:index + count], plan.period)
             index += count
-            result = results[step.path]
+            result = results[key]
             pose = compose(pose, result.end)
             duration, iterations = duration + result.duration, iterations + result.iterations
     distance, angle = distance_between(goal, pose)
@@ -205,6 +207,7 @@ class _LoopStep(NamedTuple):
     The estimated result of one step, if a simple loop publishes its velocities.
 
     In each iteration the loop publishes a velocity, and then sleeps for at most one period.
+    Repetitions of a step that are driven in the same way have the same result.
 
     :param end: the robot's end pose, relative to its pose at the start of the step
     :param duration: the duration of the step [s]

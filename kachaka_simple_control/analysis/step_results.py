@@ -17,12 +17,13 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 import math
 from operator import attrgetter
 
 from kachaka_simple_control.analysis.drive_log import StepLog
+from kachaka_simple_control.analysis.flows import requested
 from kachaka_simple_control.control.events import OdometryReceived, VelocitySent
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 
@@ -129,19 +130,19 @@ def _wrapped(angle: float) -> float:
 
 
 @dataclass(frozen=True)
-class StepResult:
+class Result:
     """
-    The displacement of a started step: requested, from sent velocities, and from odometry.
+    The displacement of a step or a flow: as requested, as sent, and as reported by odometry.
 
-    :param log: the step and its sent messages
-    :param motion: the name of the motion
-    :param requested: the displacement that the step requests
+    A flow is a run of steps that the robot drives without a stop.
+
+    :param is_complete: whether it was driven to its end
+    :param requested: the displacement that is requested; for a step in a flow, the planned one
     :param sent: the displacement of a robot that follows the sent velocities exactly
-    :param odometry: the displacement from odometry; None if odometry does not cover the step
+    :param odometry: the displacement from odometry; None if odometry does not cover it
     """
 
-    log: StepLog
-    motion: str
+    is_complete: bool
     requested: Displacement
     sent: Displacement
     odometry: Displacement | None
@@ -149,16 +150,66 @@ class StepResult:
     @property
     def error(self) -> Displacement | None:
         """
-        Return the error of the step: its displacement in odometry minus the requested one.
+        Return the error: the displacement in odometry minus the requested one.
 
-        If the step ended early, the displacement according to the sent velocities is subtracted
-        instead.  Without odometry, return None.
+        If the step or the flow ended early, the displacement according to the sent velocities is
+        subtracted instead.  Without odometry, return None.
         """
         if self.odometry is None:
             return None
-        goal = self.requested if self.log.is_complete else self.sent
+        goal = self.requested if self.is_complete else self.sent
         return Displacement(
             self.odometry.distance - goal.distance, self.odometry.angle - goal.angle)
+
+
+@dataclass(frozen=True)
+class FlowResult(Result):
+    """
+    The displacement of the started steps of a flow, which is a run of steps without a stop.
+
+    :param count: the number of started steps
+    """
+
+    count: int
+
+
+@dataclass(frozen=True)
+class StepResult(Result):
+    """
+    The displacement of a started step: as requested, as sent, and as reported by odometry.
+
+    In a flow, which is a run of steps without a stop, ``odometry`` is None.  Odometry arrives
+    late, so while the robot moves, it does not show where a step ended.  The result of the whole
+    flow has the odometry.
+
+    :param log: the step and its sent messages
+    :param motion: the name of the motion
+    :param is_in_flow: whether the step is one of several started steps of a flow
+    :param flow: for the last started step of a flow, the result of the whole flow
+    """
+
+    log: StepLog
+    motion: str
+    is_in_flow: bool = False
+    flow: FlowResult | None = None
+
+
+def flow_ranges(steps: Sequence[StepLog]) -> list[range]:
+    """
+    Return the started steps of each flow, which is a run of steps without a stop.
+
+    :param steps: the started steps, in order; they may belong to several motions
+    :returns: for each flow with at least two started steps, the range of their indices in
+        ``steps``
+    """
+    flows: list[range] = []
+    for index, (before, after) in enumerate(pairwise(steps)):
+        # The next step may be the first step of another motion, if a motion ended early.
+        if before.planned.joins_next and after.planned.start == before.planned.end:
+            is_same = flows and flows[-1].stop == index + 1
+            first = flows.pop().start if is_same else index
+            flows.append(range(first, index + 2))
+    return flows
 
 
 def step_results(
@@ -174,8 +225,23 @@ def step_results(
     """
     if not steps:
         return []
-    cuts = pairwise(segment_odometry(steps, odometry))
-    return [
-        StepResult(log, name, log.step.displacement, sent(log.sent, command_timeout),
-                   driven(odometry, begin, end))
-        for log, name, (begin, end) in zip(steps, names, cuts)]
+    cuts = segment_odometry(steps, odometry)
+    results = [
+        StepResult(log.is_complete, requested(log.planned), sent(log.sent, command_timeout),
+                   driven(odometry, begin, end), log, name)
+        for log, name, (begin, end) in zip(steps, names, pairwise(cuts))]
+    for flow in flow_ranges(steps):
+        parts = results[flow.start:flow.stop]
+        whole = FlowResult(
+            parts[-1].is_complete, _total([part.requested for part in parts]),
+            _total([part.sent for part in parts]),
+            driven(odometry, cuts[flow.start], cuts[flow.stop]), len(parts))
+        results[flow.start:flow.stop] = [
+            replace(part, odometry=None, is_in_flow=True,
+                    flow=whole if part is parts[-1] else None) for part in parts]
+    return results
+
+
+def _total(displacements: Sequence[Displacement]) -> Displacement:
+    return Displacement(math.fsum(part.distance for part in displacements),
+                        math.fsum(part.angle for part in displacements))

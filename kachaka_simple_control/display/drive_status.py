@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from kachaka_simple_control.analysis.flows import requested
 from kachaka_simple_control.analysis.step_results import driven
 from kachaka_simple_control.control import events
 from kachaka_simple_control.control.speed_factor import is_hold, product
@@ -26,8 +27,8 @@ from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.motion.geometry import Displacement, Velocity
 from kachaka_simple_control.motion.plan import Plan, plan
 
-#: The rate of the plan that the display computes [Hz].  A low rate is enough, because the times of
-#: the steps do not depend on it.
+#: The rate of the plan that the display computes for a motion without corners [Hz].  A low rate is
+#: enough, because the times of its steps do not depend on it.
 PLAN_RATE = 0.001
 #: The longest time between two zero velocities of a stop [s].
 MAX_ZERO_PERIOD = 0.1
@@ -310,7 +311,9 @@ class DriveTracker:
     def _on_plan(self, event: events.MotionPlanned) -> None:
         self._planned, self._started, self._ended = event, None, None
         self._stop_time = None
-        self._plan = plan(event.motion, event.limits, PLAN_RATE)
+        # Corners are made of messages, so their times depend on the rate.
+        rate = event.rate if event.motion.corners else PLAN_RATE
+        self._plan = plan(event.motion, event.limits, rate)
         self._reset_odometers()
         self._motion_count += 1
 
@@ -413,7 +416,7 @@ class DriveTracker:
             self._movement_count() if is_call else len(self._plan.steps),
             MOVEMENT if is_call else STEP,
             step.step.describe(), step.duration, max(0.0, step.end - max(elapsed, step.start)),
-            self._remaining(index, step.step.displacement, now))
+            self._remaining(index, requested(step), now))
 
     def _movement_count(self) -> int | None:
         count = None if self._session is None else self._session.movement_count

@@ -22,6 +22,7 @@ import math
 import re
 from typing import Any, TypeVar
 
+from kachaka_simple_control.analysis.flows import repetition_key
 from kachaka_simple_control.analysis.plan_view import LOOP_OVERHEAD
 from kachaka_simple_control.analysis.step_results import StepResult
 from kachaka_simple_control.analysis.summary import OutcomeKind, Summary
@@ -30,7 +31,13 @@ from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.drive_plots import BANDS, common_limits, is_dense
 from kachaka_simple_control.report.json_export import start_datetime
 from kachaka_simple_control.report.output_file import NEEDS_JINJA2
-from kachaka_simple_control.report.text_tables import fold, Gap, repeat_labels
+from kachaka_simple_control.report.text_tables import (
+    describe_flow,
+    fold,
+    Gap,
+    IN_FLOW,
+    repeat_labels,
+)
 from kachaka_simple_control.text import format_fixed, pluralize
 
 T = TypeVar('T')
@@ -102,7 +109,7 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
         motions=_ends(summary.log.motions), shows_motions=_shows_motions(summary),
         has_motions=len({step.motion for step in summary.steps}) > 1, robot=_robot(summary),
         description=_description(summary), extra=1e3 * LOOP_OVERHEAD, pluralize=pluralize,
-        unknown=UNKNOWN, speed=_ends(summary.speed)))
+        unknown=UNKNOWN, in_flow=IN_FLOW, describe_flow=describe_flow, speed=_ends(summary.speed)))
 
 
 def _keep_units(page: str) -> str:
@@ -222,8 +229,8 @@ def _step_tables(summary: Summary) -> tuple[list[StepRow], list[StepRow]]:
     :returns: the rows of the short table, and the rows of the long table
     """
     results = summary.steps
-    keys = [(result.motion, result.log.planned.path, result.log.step, result.log.is_complete,
-             result.log.is_delayed) for result in results]
+    keys = [(result.motion, repetition_key(result.log.planned), result.log.step,
+             result.log.is_complete, result.log.is_delayed) for result in results]
     # The labels count the repeats in the whole plan, even if the motion ended early.
     repeats = [label for motion in summary.log.motions if motion.has_begun
                for label, step in zip(

@@ -29,7 +29,7 @@ from typing import Any
 from kachaka_simple_control.analysis.drive_log import MotionLog
 from kachaka_simple_control.analysis.message_timing import Quantiles
 from kachaka_simple_control.analysis.paths import simplify
-from kachaka_simple_control.analysis.step_results import StepResult
+from kachaka_simple_control.analysis.step_results import Result, StepResult
 from kachaka_simple_control.analysis.summary import signal_name, SpeedInterval, Summary
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.report.map_plot import path_lines
@@ -215,6 +215,14 @@ def _step(number: int, result: StepResult, start_time: float) -> Fields:
         'messages': max(0, len(log.sent) - 1),
         **({'plan_start_s': log.planned.start, 'driven_s': log.driven_duration}
            if log.is_delayed else {}),
+        **_result(result),
+        **({'in_flow': True} if result.is_in_flow else {}),
+        **({} if result.flow is None else {
+            'flow': {'steps': result.flow.count, **_result(result.flow)}})}
+
+
+def _result(result: Result) -> Fields:
+    return {
         'requested': _distance_and_angle(result.requested),
         'sent': _distance_and_angle(result.sent),
         'odometry': _distance_and_angle(result.odometry),

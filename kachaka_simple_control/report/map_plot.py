@@ -21,7 +21,7 @@ import math
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive
-from kachaka_simple_control.analysis.paths import ArcSegment, distinct, simplify, step_segments
+from kachaka_simple_control.analysis.paths import distinct, PathPart, simplify, step_segments
 from kachaka_simple_control.analysis.plan_view import Area, outlines
 from kachaka_simple_control.motion.geometry import Footprint, ORIGIN, Point, Pose, transform_point
 from kachaka_simple_control.report.plot_style import (
@@ -73,7 +73,7 @@ MANY = 1000
 THIN: dict[str, Any] = {'linewidth': 0.6, 'linestyle': '-'}
 
 #: The path of each step of a motion.
-PlannedPath = list[list[ArcSegment]]
+PlannedPath = list[list[PathPart]]
 
 
 def add_map(figure: Figure, points: Iterable[Point],
@@ -195,7 +195,7 @@ class StepPlace(NamedTuple):
 
 
 def step_places(
-        steps: Iterable[tuple[int, Sequence[ArcSegment]]], grain: float) -> list[StepPlace]:
+        steps: Iterable[tuple[int, Sequence[PathPart]]], grain: float) -> list[StepPlace]:
     """
     Return the points on a path beside which the numbers of the steps are written.
 
@@ -218,7 +218,7 @@ def step_places(
 
 
 def draw_step_numbers(
-        axes: Axes, steps: Iterable[tuple[int, Sequence[ArcSegment]]], size: float) -> None:
+        axes: Axes, steps: Iterable[tuple[int, Sequence[PathPart]]], size: float) -> None:
     """
     Write the numbers of the steps of a motion beside their paths on a map.
 
@@ -250,14 +250,14 @@ def draw_step_numbers(
             label.remove()
 
 
-def draw_directions(axes: Axes, segments: Iterable[ArcSegment], grain: float, colour: str) -> None:
+def draw_directions(axes: Axes, segments: Iterable[PathPart], grain: float, colour: str) -> None:
     """
     Draw arrow heads that show the direction of travel at the middles of path segments.
 
     At most 16 arrow heads are drawn.  A segment in which the robot turns in place has none.
 
     :param axes: the axes of a map
-    :param segments: the parts of the path with constant curvature
+    :param segments: the parts of the path
     :param grain: the approximate distance [m]; two arrow heads that are closer and have the same
         direction are drawn as one
     :param colour: the colour of the arrow heads
@@ -337,7 +337,7 @@ def path_lines(aligned: AlignedDrive) -> dict[str, list[Point]]:
     return lines
 
 
-def _begun(aligned: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[list[ArcSegment]]:
+def _begun(aligned: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[list[PathPart]]:
     """
     Yield the planned path of each step that the robot started.
 

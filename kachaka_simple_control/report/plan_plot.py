@@ -21,7 +21,15 @@ import math
 import os
 from typing import Any, TYPE_CHECKING
 
-from kachaka_simple_control.analysis.paths import ArcSegment, distinct, polyline, step_segments
+from kachaka_simple_control.analysis.flows import cut_corners
+from kachaka_simple_control.analysis.paths import (
+    ArcSegment,
+    distinct,
+    PathPart,
+    polyline,
+    step_segments,
+    uncut_path,
+)
 from kachaka_simple_control.analysis.plan_view import Area, PlanView
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import ORIGIN, outline, Pose, transform_point
@@ -69,6 +77,8 @@ ROBOT: dict[str, Any] = {
 #: The style of the floor area that a plan needs.
 FLOOR: dict[str, Any] = {
     'facecolor': 'none', 'edgecolor': Colour.GREY, 'linewidth': 1.0, 'linestyle': (0, (6, 3))}
+#: The style of the legs, which are the path with a stop in each corner.
+LEGS: dict[str, Any] = {'color': Colour.BLUE, 'linewidth': 0.6}
 #: The radius of a drawn turn in place, as a part of the distance from the axle to the front.
 TURN = 0.7
 
@@ -78,7 +88,7 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     Draw a map of a planned path.
 
     The map also shows the step numbers, the robot after each step, and the floor area that the
-    motion needs.
+    motion needs.  If corners are cut, it also shows the legs between the corners.
 
     :param axes: the axes of the map
     :param view: the plan, with the robot's outline
@@ -93,6 +103,8 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     segments = [segment for step in steps for segment in step]
     draw_line(axes, polyline(segments, grain), color=Colour.BLUE, linewidth=1.6,
               solid_joinstyle='round', zorder=3.0, gid='path')
+    if has_cut_corners(view):
+        draw_line(axes, polyline(uncut_path(view.plan), grain), **LEGS, zorder=2.8, gid='legs')
     reach = view.footprint.front if view.footprint else area.height * HEADING_LENGTH
     _draw_robots(axes, view, grain, reach)
     left, bottom, width, height = view.floor
@@ -105,7 +117,16 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     axes.plot(end.x, end.y, **END, gid='end')
 
 
-def _turns(segments: Sequence[ArcSegment]) -> list[ArcSegment]:
+def has_cut_corners(view: PlanView) -> bool:
+    """
+    Return whether the robot passes a corner of a plan without a stop.
+
+    :param view: the plan
+    """
+    return any(corner.cut.deviation for corner in cut_corners(view.plan))
+
+
+def _turns(segments: Sequence[PathPart]) -> list[ArcSegment]:
     """
     Return only those segments of a path that are turns in place.
 
@@ -117,7 +138,7 @@ def _turns(segments: Sequence[ArcSegment]) -> list[ArcSegment]:
     """
     kinds: dict[tuple[float, ...], ArcSegment] = {}
     for segment in segments:
-        if segment.angle and not segment.distance:
+        if isinstance(segment, ArcSegment) and segment.angle and not segment.distance:
             start, angle = segment.start, round(segment.angle, 2)
             kinds.setdefault((round(start.x, 3), round(start.y, 3),
                               round(start.theta % math.tau, 2), angle), segment)
@@ -163,7 +184,10 @@ def _draw_legend(figure: Figure) -> None:
         'start': Line2D([], [], **START), 'end': Line2D([], [], **END),
         'robot after a step': Patch(**ROBOT),
         'its heading': Line2D([], [], color=Colour.GREY, linewidth=1.2),
-        'path': Line2D([], [], color=Colour.BLUE, linewidth=1.6), 'floor needed': Patch(**FLOOR)}
+        'path': Line2D([], [], color=Colour.BLUE, linewidth=1.6)}
+    if figure.findobj(lambda artist: artist.get_gid() == 'legs'):
+        marks['legs'] = Line2D([], [], **LEGS)
+    marks['floor needed'] = Patch(**FLOOR)
     if figure.findobj(lambda artist: artist.get_gid() == 'turns'):
         marks['turn in place'] = Line2D([], [], color=Colour.ORANGE, linewidth=1.2)
     corner = (PATH_LEFT / WIDTH, 0.1 / figure.get_figheight())
@@ -221,8 +245,9 @@ def draw_plans(views: Sequence[PlanView]) -> Figure:
 def _draw(figure: Figure, views: Sequence[PlanView]) -> None:
     figure.set_size_inches(WIDTH, len(views) * ROW + KEY)
     proportion = HEIGHT / PATH_WIDTH
+    legs = (polyline(uncut_path(view.plan), MAP_GRAIN) for view in views if has_cut_corners(view))
     area = extent(
-        chain.from_iterable(view.floor.corners for view in views), proportion, proportion)
+        chain(*(view.floor.corners for view in views), *legs), proportion, proportion)
     limits, duration = [view.limits for view in views], max(view.plan.duration for view in views)
     scales = [
         scale_for(component, [value for view in views

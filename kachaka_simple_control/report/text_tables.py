@@ -24,9 +24,15 @@ import sys
 import textwrap
 from typing import NamedTuple
 
-from kachaka_simple_control.analysis.drive_log import DriveLog, StepLog
+from kachaka_simple_control.analysis.drive_log import DriveLog
+from kachaka_simple_control.analysis.flows import cut_corners, CutCorner, repetition_key
 from kachaka_simple_control.analysis.plan_view import PlanView
-from kachaka_simple_control.analysis.step_results import driven, segment_odometry, sent
+from kachaka_simple_control.analysis.step_results import (
+    FlowResult,
+    Result,
+    step_results,
+    StepResult,
+)
 from kachaka_simple_control.control.output import STDOUT
 from kachaka_simple_control.motion.geometry import Displacement
 from kachaka_simple_control.motion.limits import Limits, SAME_AS
@@ -229,6 +235,10 @@ LIMITS = {
         'max_angular_velocity': 'rad/s', 'max_angular_acceleration': 'rad/s^2',
         'max_angular_deceleration': 'rad/s^2 braking', 'max_angular_jerk': 'rad/s^3'},
 }
+#: How far lines are indented that continue the line above.
+INDENT = ' ' * 8
+#: The largest number of lines about shrunk corners, and of corner numbers in a line.
+MAX_SHRUNK, MAX_NUMBERS = 4, 3
 POSES = 'Poses: at the end, seen from the start.'
 VELOCITIES = '  Velocities: the largest sent, either way.'
 
@@ -267,13 +277,13 @@ def _legend(lines: Sequence[str]) -> str:
 def _wrapped(lines: Sequence[str], widest: int) -> list[str]:
     # Continuation lines are indented like the second line of the limits.
     return [part for line in lines
-            for part in textwrap.wrap(line, widest, subsequent_indent=' ' * 8)]
+            for part in textwrap.wrap(line, widest, subsequent_indent=INDENT)]
 
 
 def _steps(view: PlanView, most: int, widest: int, with_total: bool) -> list[str]:
     steps = view.plan.steps
     paths = [step.path for step in steps]
-    entries = fold(paths, most)
+    entries = fold([repetition_key(step) for step in steps], most)
     repeats = repeat_labels(paths)
     rows = [(str(entry + 1), steps[entry].step.describe(), repeats[entry],
              _time(steps[entry].start), *_figures(steps[entry]))
@@ -302,10 +312,62 @@ def _figures(part: Plan | PlannedStep) -> Row:
 def _sending(view: PlanView) -> list[str]:
     what = 'the robot included' if view.footprint else 'and the robot, whose outline is not known'
     return [
+        *_corners(view.plan),
         (f'Sent: {pluralize(view.messages, "velocity", "velocities")}, '
          f'{format_number(1000.0 * view.plan.period)} ms apart or less, then the stop'),
         f'Floor: {view.floor_size}, {what}',
         *(f'{title} {_bounds(view.limits, units)}' for title, units in LIMITS.items())]
+
+
+def _corners(plan: Plan) -> list[str]:
+    """
+    Return lines about the corners of a plan that are cut, and about those that are shrunk.
+
+    :param plan: the plan
+    :returns: the lines; empty if the robot stops at each step
+    """
+    corners = [*cut_corners(plan)]
+    if not corners and not plan.saved_time:
+        return []
+    cuts = [corner.cut.deviation for corner in corners if corner.cut.deviation]
+    most = f' by {_deviation(max(cuts))} at most' if cuts else ''
+    what = f'Corners: {len(cuts)} of {len(corners)} cut{most};' if corners else 'Joined legs:'
+    saved = f'{format_fixed(plan.saved_time, 1)} s less than with stops'
+    return [f'{what} {saved}', *_shrunk(corners)]
+
+
+def _shrunk(corners: Sequence[CutCorner]) -> list[str]:
+    """
+    Return lines about the corners that are cut by less than allowed, because a leg is short.
+
+    Corners with the same figures share a line.
+
+    :param corners: all corners of a plan
+    """
+    kinds: dict[tuple[str, str], list[int]] = {}
+    for corner in corners:
+        if corner.cut.is_shrunk:
+            deviation = corner.cut.deviation
+            size = _deviation(deviation) if deviation else 'a stop'
+            kinds.setdefault((size, format_number(corner.leg)), []).append(corner.number)
+    lines = []
+    for (size, leg), numbers in [*kinds.items()][:MAX_SHRUNK]:
+        if len(numbers) == 1:
+            lines.append(f'corner {numbers[0]}: {size}, its leg of {leg} m is short')
+            continue
+        some = ', '.join(map(str, numbers[:MAX_NUMBERS]))
+        more = f', ... ({len(numbers)} in all)' if len(numbers) > MAX_NUMBERS else ''
+        lines.append(f'corners {some}{more}: {size}, a leg of {leg} m is short')
+    if others := sum(map(len, [*kinds.values()][MAX_SHRUNK:])):
+        lines.append(f'{pluralize(others, "more corner")} with a short leg')
+    return [INDENT + line for line in lines]
+
+
+def _deviation(length: float) -> str:
+    if length < 0.01:
+        # Not 0, because the robot does not stop there.
+        return f'{format_fixed(max(0.1, 1e3 * length), 1)} mm'
+    return f'{format_fixed(100.0 * length, 1)} cm'
 
 
 def _bounds(limits: Limits, units: Mapping[str, str]) -> str:
@@ -351,13 +413,18 @@ DRIVE = (Column('movement'), Column('requested', spare=1), Column('sent', spare=
          Column('odometry'))
 
 
+#: The text in place of the odometry of a step that is a part of a flow.
+IN_FLOW = 'in flow'
+
+
 def drive_table(
         log: DriveLog, stop_confirmed_after: float | None, widest: int | None = None) -> str:
     """
     Return a text table that shows how the robot drove each step of a drive.
 
     A drive is one run of the robot.  For each step, the table shows three displacements: as
-    requested, as sent, and from odometry.  Below the table, the text describes the stop and the
+    requested, as sent, and from odometry.  A run of steps without a stop has odometry only as a
+    whole, in a row below its last step.  Below the table, the text describes the stop and the
     final pose.
 
     :param log: the record of the drive
@@ -366,19 +433,35 @@ def drive_table(
     :param widest: the width of the terminal [characters]; None if there is no terminal
     """
     steps = log.steps
-    cuts = segment_odometry(steps, log.odometry) if steps else []
-    rows = [_drive_row(step, log.command_timeout, driven(log.odometry, begin, end))
-            for step, begin, end in zip(steps, cuts, cuts[1:])]
+    results = step_results(steps, [''] * len(steps), log.odometry, log.command_timeout)
+    rows = [row for result in results for row in _drive_rows(result)]
     widest = widest or sys.maxsize
     lines = columns(DRIVE, rows, widest)
     return '\n'.join([*lines, *_wrapped([_stop(stop_confirmed_after), _final_pose(log)], widest)])
 
 
-def _drive_row(step: StepLog, command_timeout: float, seen: Displacement | None) -> Row:
+def _drive_rows(result: StepResult) -> list[Row]:
+    """Return the row of a step, and after the last step of a flow the row of the whole flow."""
+    rows = [_drive_row(result.log.step.describe_fully(), result, result.is_in_flow)]
+    if result.flow is not None:
+        rows.append(_drive_row(describe_flow(result.flow), result.flow))
+    return rows
+
+
+def _drive_row(what: str, result: Result, is_in_flow: bool = False) -> Row:
+    seen = 'none' if result.odometry is None else _amount(result.odometry)
     return (
-        step.step.describe_fully() + ('' if step.is_complete else '; cut short'),
-        _amount(step.step.displacement),
-        _amount(sent(step.sent, command_timeout)), 'none' if seen is None else _amount(seen))
+        what + ('' if result.is_complete else '; cut short'), _amount(result.requested),
+        _amount(result.sent), IN_FLOW if is_in_flow else seen)
+
+
+def describe_flow(flow: FlowResult) -> str:
+    """
+    Return a text about a flow, for the row below its last step.
+
+    :param flow: the result of the flow, which is a run of steps without a stop
+    """
+    return f'{pluralize(flow.count, "step")} without a stop'
 
 
 def _amount(displacement: Displacement) -> str:
