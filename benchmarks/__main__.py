@@ -57,6 +57,7 @@ def measure(scale: Scale) -> dict[str, Any]:
         'firsts': startup_shutdown.measure_firsts(scale),
         'timing': timing.measure_timing(scale),
         'planning': planning.measure_planning(scale.plans),
+        'flows': planning.measure_flows(),
         'exactness': planning.measure_exactness()}
     print(f'measured in {(time.monotonic() - begin) / 60.0:.1f} minutes\n')
     return run

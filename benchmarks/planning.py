@@ -16,22 +16,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import product
+from itertools import pairwise, product
 import math
 import time
 import tracemalloc
 from typing import Any
 
+from kachaka_simple_control.motion.corner import CornerTurn, Shape
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Step, Turn
-from kachaka_simple_control.motion.trajectory import limits_along, PathLimits
-from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
+from kachaka_simple_control.motion.trajectory import FlowLeg, limits_along, PathLimits
+from kachaka_simple_control.motion.velocity_profile import bisection, time_optimal_profile
 
 #: The velocity limits of a Kachaka, with gentle accelerations.
 LIMITS = Limits(0.3, 1.57, 0.3, 1.5, 1.5, 8.0)
 #: The rate of velocities in the plans whose time is measured [Hz].
 RATE = 50.0
+#: The limits of a Kachaka for the comparison of flows, their rate [Hz], and their tolerance [m].
+KACHAKA, FLOW_RATE, TOLERANCE = Limits(0.3, 1.57, 0.5, 2.5, 2.0, 10.0), 20.0, 0.05
 #: The number of plans of each length; only the shortest time counts.
 TRIES = 5
 RATES = (5, 10, 20, 50, 100)
@@ -97,6 +100,78 @@ def _peak(motion: Motion) -> float:
         tracemalloc.stop()
 
 
+def measure_flows() -> list[dict[str, Any]]:
+    """
+    Compute the durations of motions with stops, at constant speed in corners, and as flows [s].
+
+    The limits are those of a Kachaka, the tolerance is 5 cm, and the rate is 20 Hz.
+    """
+    return [{
+        'motion': name,
+        'stops': plan(Motion(name, steps), KACHAKA, FLOW_RATE).duration,
+        'constant': constant_speed(steps),
+        'flow': plan(Motion(name, steps, corners=TOLERANCE), KACHAKA, FLOW_RATE).duration,
+    } for name, steps in FLOWS.items()]
+
+
+def lawn_mower() -> list[Step]:
+    """Return five rows of 2 m, 0.3 m apart."""
+    steps: list[Step] = [Forward(2.0)]
+    for row in range(4):
+        turn = Turn(math.pi / 2.0 if row % 2 == 0 else -math.pi / 2.0)
+        steps += [turn, Forward(0.3), turn, Forward(2.0)]
+    return steps
+
+
+def slalom() -> list[Step]:
+    """Return a way through six points, 0.5 m apart along x and 0.2 m to either side of it."""
+    ys = [0.0, 0.2, -0.2, 0.2, -0.2, 0.2, 0.0]
+    bearings = [math.atan2(two - one, 0.5) for one, two in pairwise(ys)]
+    steps: list[Step] = []
+    for index, (one, two) in enumerate(pairwise(ys)):
+        steps += [Turn(bearings[index] - bearings[index - 1])] if index else []
+        steps.append(Forward(math.hypot(0.5, two - one)))
+    return steps
+
+
+def constant_speed(steps: Sequence[Step]) -> float:
+    """
+    Return the duration of a motion with curves at constant speed as corners [s].
+
+    The curve is as fast as the tolerance and half of each leg allow.
+
+    :param steps: legs and turns of 90 degrees or less, a leg first
+    """
+    legs = [step.path()[0] for step in steps if isinstance(step, Forward)]
+    turns = [step.path()[0] for step in steps if isinstance(step, Turn)]
+    bounds = limits_along(legs[0], KACHAKA)
+    duration, speeds, tangents = 0.0, [0.0], [0.0]
+    for index, (one, two) in enumerate(pairwise(legs)):
+        turn = CornerTurn(
+            turns[index], limits_along(turns[index], KACHAKA), bounds, 1.0, FLOW_RATE)
+        room = min(one.distance, two.distance) / 2.0
+
+        def is_too_fast(speed: float, turn: CornerTurn = turn, room: float = room) -> bool:
+            tangent, deviation = turn.measure(Shape(speed, speed, 0.0))
+            return tangent > room or deviation > TOLERANCE
+
+        speed = bounds.velocity
+        if is_too_fast(speed):
+            speed = bisection(0.0, speed, is_too_fast)[0]
+        speeds.append(speed)
+        tangents.append(turn.measure(Shape(speed, speed, 0.0))[0])
+        duration += turn.profile.duration
+    speeds.append(0.0)
+    tangents.append(0.0)
+    for index, leg in enumerate(legs):
+        left = leg.distance - tangents[index] - tangents[index + 1]
+        duration += FlowLeg.between(
+            leg._replace(distance=max(0.0, left)), bounds, *speeds[index:index + 2]).duration
+    for turn_after in turns[len(legs) - 1:]:
+        duration += plan(Motion('turn', (Turn(turn_after.angle),)), KACHAKA, FLOW_RATE).duration
+    return duration
+
+
 def measure_exactness(rates: Sequence[int] = RATES) -> list[dict[str, Any]]:
     """
     Compute the displacement of an ideal robot for each goal, profile, rate and method.
@@ -160,3 +235,9 @@ def _smoothed(distance: float, limits: PathLimits, rate: float, phase: float) ->
 #: The compared methods.
 METHODS: dict[str, Callable[[Forward | Turn, Limits, float], list[float]]] = {
     'ours': ours, 'samples': sampled, 'smoother': smoothed}
+#: The motions of the comparison of flows.
+FLOWS: dict[str, list[Step]] = {
+    'square 0.5 m, three corners': [*[Forward(0.5), Turn(math.pi / 2.0)] * 3, Forward(0.5)],
+    'square, four turns': [Forward(0.5), Turn(math.pi / 2.0)] * 4,
+    'slalom, six points': slalom(),
+    'lawn-mower, five rows': lawn_mower()}

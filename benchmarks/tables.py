@@ -59,7 +59,8 @@ def tables(run: dict[str, Any]) -> list[Table]:
     return [
         _thresholds(judge(found)), *_timing(found, run['timing']), _memory(found, run['timing']),
         _firsts(found), _starts(found), _signals(run),
-        _planning(run.get('planning', [])), _exactness(run.get('exactness', [])), _machine(run)]
+        _planning(run.get('planning', [])), _flows(run.get('flows', [])),
+        _exactness(run.get('exactness', [])), _machine(run)]
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -166,6 +167,14 @@ def _planning(entries: list[dict[str, Any]]) -> Table:
         'Planning, at 50 Hz', ('motion [h]', 'steps', 'velocities', 'time [s]', 'memory [MB]'),
         tuple((f'{entry["length"] / 3600.0:g}', str(entry['steps']), str(entry['segments']),
                number(entry['time']), number(entry['memory'])) for entry in entries))
+
+
+def _flows(entries: list[dict[str, Any]]) -> Table:
+    head = ('motion', 'with stops', 'constant speed in corners', 'ours')
+    return Table(
+        "Duration within 5 cm of the legs, a Kachaka's limits, 20 Hz [s]", head,
+        tuple((entry['motion'], *(f'{entry[key]:.2f}' for key in ('stops', 'constant', 'flow')))
+              for entry in entries))
 
 
 def _exactness(entries: list[dict[str, Any]]) -> Table:

@@ -221,8 +221,30 @@ def _closed(row: Row) -> Row:
         quick=int(IN_CLOSED_LOOP.index(what) < QUICK_IN_CLOSED_LOOP))
 
 
+#: The faults that are also tested in a corner, with the same limits; quick form first.
+IN_CORNER = (
+    'SIGKILL', 'SIGINT (Ctrl+C)', 'SIGSTOP', 'frozen for 120 ms', 'listener leaves')
+QUICK_IN_CORNER = 2
+
+
+def _in_corner(row: Row) -> Row:
+    what = row.expectation.what
+    return replace(
+        row, expectation=replace(row.expectation, what=f'{what}, in a corner'),
+        script=scripts.CORNERS, full=10, quick=int(IN_CORNER.index(what) < QUICK_IN_CORNER))
+
+
+def _paused_in_corner(row: Row) -> Row:
+    paused, what = _at(State.PAUSED, row), row.expectation.what
+    return replace(
+        paused, expectation=replace(paused.expectation, what=f'{what}, while paused in a corner'),
+        script=scripts.CORNERS, quick=int(what == IN_CORNER[0]))
+
+
 ROWS = (
     *IN_MOTION,
+    *(in_corner(row) for in_corner in (_in_corner, _paused_in_corner) for row in IN_MOTION
+      if row.expectation.what in IN_CORNER),
     *(_closed(row) for row in IN_MOTION if row.expectation.what in IN_CLOSED_LOOP),
     Row(Expectation('the robot is held, in a closed loop', NODE, (1,), limit=HELD),
         faults.own_fault, scripts.HELD, exclusive=False, full=10, measures_distance=False),

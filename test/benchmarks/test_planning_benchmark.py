@@ -75,3 +75,8 @@ def test_samples_of_a_rectangle_are_exact_and_those_of_a_triangle_its_staircase(
     # Up for 1 s and down for 1 s, sampled at 0, 0.5, 1 and 1.5 s.
     assert planning.sampled(Turn(1.57), EVEN, 2.0) == pytest.approx(
         [(0.0 + 0.785 + 1.57 + 0.785) / 2.0])
+
+
+def test_flows_are_faster_than_constant_speed_in_corners():
+    for entry in planning.measure_flows():
+        assert entry['flow'] < entry['constant'] < entry['stops']
