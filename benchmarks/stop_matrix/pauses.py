@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Inject faults while a program is paused, brakes for a pause, or resumes after a pause."""
+"""Inject faults in a corner, while a program is paused, brakes for a pause, or resumes."""
 
 from __future__ import annotations
 
@@ -38,6 +38,9 @@ CHANGE_TIMEOUT = 3.0
 #: 0.85 s.
 TIME_TO_FAULT = (0.1, 0.3)
 
+#: The time from the first message in a corner to the fault, or to the pause [s].  A corner of the
+#: script takes 1.9 s, so that a pause also ends in it.
+TIME_IN_CORNER = (0.2, 1.2)
 #: The time on hold before the push, the time after the push, and the time in which a resumed
 #: motion would be seen [s].
 REST_TIME, PUSH_TIME, ASK_TIME = 1.0, 0.3, 1.0
@@ -76,6 +79,23 @@ def at(state: State, inject: Injector) -> Injector:
         context.counted_from = fault
         return fault
     return inject_then
+
+
+def in_corner(inject: Injector) -> Injector:
+    """Return an injector that waits until a program is in a corner, and then injects a fault."""
+    def inject_then(context: TrialContext) -> float:
+        context.recorder.wait_for(_is_in_corner, context.first, CHANGE_TIMEOUT)
+        time.sleep(random.uniform(*TIME_IN_CORNER))
+        before = context.recorder.sent_since(context.first)[-1]
+        if not _is_in_corner(before):
+            context.violations.append(
+                f'it was in no corner: {before.linear_x:g} m/s, {before.angular_z:g} rad/s')
+        return inject(context)
+    return inject_then
+
+
+def _is_in_corner(velocity: SentVelocity) -> bool:
+    return velocity.linear_x != 0.0 and velocity.angular_z != 0.0
 
 
 def resume_continued(seconds: float) -> Callable[[TrialContext], None]:

@@ -231,14 +231,16 @@ def _in_corner(row: Row) -> Row:
     what = row.expectation.what
     return replace(
         row, expectation=replace(row.expectation, what=f'{what}, in a corner'),
-        script=scripts.CORNERS, full=10, quick=int(IN_CORNER.index(what) < QUICK_IN_CORNER))
+        inject=pauses.in_corner(row.inject), script=scripts.CORNERS, full=10,
+        quick=int(IN_CORNER.index(what) < QUICK_IN_CORNER))
 
 
 def _paused_in_corner(row: Row) -> Row:
     paused, what = _at(State.PAUSED, row), row.expectation.what
     return replace(
         paused, expectation=replace(paused.expectation, what=f'{what}, while paused in a corner'),
-        script=scripts.CORNERS, quick=int(what == IN_CORNER[0]))
+        inject=pauses.in_corner(paused.inject), script=scripts.CORNERS,
+        quick=int(what == IN_CORNER[0]))
 
 
 ROWS = (

@@ -71,12 +71,12 @@ command.play_lesson = short_lesson
 sys.exit(command.main())
 """
 
-#: The script with pauses, with a motion that is in a corner nearly all the time.
+#: The script with pauses, with a motion through corners of 5 cm, each after the other.
 CORNERS = """
 from math import radians
 from kachaka_simple_control import Forward, Motion, Repeat, Turn
 """ + PAUSED.replace('robot.move_robot(0.3, 0.0, DURATION)', (
-    "robot.run(Motion('corners', [Repeat(1000, [Forward(0.3), Turn(radians(100.0))])], "
+    "robot.run(Motion('corners', [Repeat(1000, [Forward(0.5), Turn(radians(90.0))])], "
     'corners=0.05))'))
 
 #: The script with pauses; ``push`` moves the robot by 0.5 m in odometry.  Further commands: ten

@@ -37,7 +37,7 @@ from benchmarks.stop_matrix.expectation import (
     Zero,
 )
 from benchmarks.stop_matrix.message import last_message
-from benchmarks.stop_matrix.pauses import State
+from benchmarks.stop_matrix.pauses import in_corner, State
 from benchmarks.stop_matrix.rows import AROUND_PAUSE, CORE, IN_CLOSED_LOOP, ROWS
 from benchmarks.stop_matrix.table import HEAD, matrix, row
 from benchmarks.stop_matrix.trial import Trial
@@ -269,3 +269,15 @@ def test_a_robot_over_grpc_is_stopped_too():
         assert trial.metres is not None
         assert trial.metres < 0.03
         assert 0.0 < trial.began < trial.ended
+
+
+@pytest.mark.parametrize('velocity, text', [
+    ((0.2, 1.0), []), ((0.2, 0.0), ['it was in no corner: 0.2 m/s, 0 rad/s'])])
+def test_a_fault_in_a_corner_is_one_in_a_corner(monkeypatch, velocity, text):
+    """The first leg is straight, and most faults come a moment after the start."""
+    monkeypatch.setattr('time.sleep', lambda _: None)
+    sent = SimpleNamespace(linear_x=velocity[0], angular_z=velocity[1])
+    context = SimpleNamespace(violations=[], first=0.0, recorder=SimpleNamespace(
+        wait_for=lambda *_: None, sent_since=lambda _: [sent]))
+    assert in_corner(lambda _: 7.0)(context) == 7.0
+    assert context.violations == text
