@@ -23,11 +23,14 @@ import tracemalloc
 from typing import Any
 
 from kachaka_simple_control.motion.corner import CornerTurn, Shape
+from kachaka_simple_control.motion.flow_leg import FlowLeg
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.path_segment import limits_along
 from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.roots import bisection
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Step, Turn
-from kachaka_simple_control.motion.trajectory import FlowLeg, limits_along, PathLimits
-from kachaka_simple_control.motion.velocity_profile import bisection, time_optimal_profile
+from kachaka_simple_control.motion.trajectory import PathLimits
+from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
 
 #: The velocity limits of a Kachaka, with gentle accelerations.
 LIMITS = Limits(0.3, 1.57, 0.3, 1.5, 1.5, 8.0)

@@ -38,8 +38,9 @@ from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import MAX_LATENESS
 from kachaka_simple_control.errors import MotionRefusedError, MotionRunningError, UsageError
 from kachaka_simple_control.kachaka.bridge_process import OwnSimulation
+from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.plan import DriveOrder, Plan
+from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.ros.commander import Commander
 from kachaka_simple_control.ros.dds_transport import start_on_this_machine, use_udp_transport

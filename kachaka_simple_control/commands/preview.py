@@ -27,7 +27,7 @@ from kachaka_simple_control.commands.settings import (
 )
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find, library
-from kachaka_simple_control.motion.plan import DriveOrder
+from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.plan_plot import save_plot
 from kachaka_simple_control.report.text_tables import plan_table, terminal_columns

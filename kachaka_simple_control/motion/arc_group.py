@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from kachaka_simple_control.motion.joint import Circle
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.trajectory import limits_along, PathSegment
+from kachaka_simple_control.motion.path_segment import limits_along, PathSegment
+from kachaka_simple_control.motion.transition import Circle
 from kachaka_simple_control.motion.velocity_profile import PathLimits
 
 #: Two curvatures are equal if they differ by at most this fraction, from rounding.
@@ -102,7 +102,7 @@ class ArcGroup:
 
         :param arc: the arc
         :param limits: the limits of the robot
-        :param crosses: whether the angular velocity changes its sign in a joint of the arc
+        :param crosses: whether the angular velocity changes its sign in a transition of the arc
         """
         along = limits_along(self.segment(arc), limits)
         along = along._replace(velocity=min(along.velocity, arc.speed))
@@ -116,14 +116,14 @@ class ArcGroup:
 
 def circle_of(group: ArcGroup, is_anchored: bool, side: float) -> Circle:
     """
-    Return a smaller circle, seen from a joint.
+    Return a smaller circle, seen from a transition.
 
     See formula (26) of docs/theory.md.
 
     :param group: the arcs on the circle
     :param is_anchored: whether the robot is at rest at the other end of the arcs, so that the
         circle touches the path there; otherwise the circle keeps its centre
-    :param side: 1 if the circle is after the joint, -1 if it is before the joint
+    :param side: 1 if the circle is after the transition, -1 if it is before the transition
     """
     if not is_anchored:
         return Circle(group.curvature, 0.0, group.sign * group.radius)

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Plan a run of arcs within a flow: how much smaller each circle becomes, and the joints.
+Plan a run of arcs within a flow: how much smaller each circle becomes, and the transitions.
 
-A smaller circle leaves a wider gap to its neighbours, and a joint with a wider gap can be faster.
-But it is also longer, so less is left of its neighbours to change the speed.
+A smaller circle leaves a wider gap to its neighbours, and a transition over a wider gap can be
+faster.  But it is also longer, so less is left of its neighbours to change the speed.
 """
 
 from __future__ import annotations
@@ -29,31 +29,31 @@ from typing import NamedTuple
 
 from kachaka_simple_control.motion.arc_group import ArcGroup, circle_of, is_same, RunArc
 from kachaka_simple_control.motion.chain import Axis
-from kachaka_simple_control.motion.joint import Circle, Joint, plan_joint
+from kachaka_simple_control.motion.flow_leg import FlowLeg
 from kachaka_simple_control.motion.leg_speeds import Leg, length_left, limit_speeds, Passed
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.trajectory import FlowLeg
+from kachaka_simple_control.motion.transition import Circle, plan_transition, Transition
 from kachaka_simple_control.motion.velocity_profile import PathLimits
 
-#: A leg that borders on a joint lasts at least this fraction of a period.  A much shorter message
-#: between two others would be a jump of the acceleration on the wire.
+#: A leg beside a transition or a corner lasts at least this fraction of a period.  A much shorter
+#: message between two others would be a jump of the acceleration on the wire.
 LEG_SHARE = 0.25
 #: A circle becomes smaller by at most this part of its radius.  Then the gap to a line is so
-#: narrow that a joint can bridge it with an angle below ``LARGEST_ANGLE``.
+#: narrow that a transition can bridge it with an angle below ``LARGEST_ANGLE``.
 LARGEST_SHARE = 0.25
-#: How often the offsets of a run are made smaller until its joints have room.
+#: How often the offsets of a run are made smaller until its transitions have room.
 ROUNDS = 60
 #: Offsets are made smaller if less than this part of them would do.
 SPARE = 0.95
-#: A joint whose offsets have become smaller than this part of the allowed ones is a stop.
+#: A transition whose offsets have become smaller than this part of the allowed ones is a stop.
 SMALLEST = 1e-6
 #: The offsets are halved at most this often to find the fastest ones.
 HALVINGS = 10
 #: The search ends where the time is above the least one by this factor.
 WORSE = 1.1
-#: While offsets are searched, joints are estimated with at most this number of arcs.
+#: While offsets are searched, transitions are estimated with at most this number of arcs.
 ESTIMATE = 12
-#: How many different joints are remembered.
+#: How many different transitions are remembered.
 REMEMBERED = 4096
 #: In a run of at most this number of circles, it is tried whether more stops are faster.
 MOST_TRIED = 6
@@ -63,7 +63,7 @@ class RunEnd(NamedTuple):
     """
     The straight leg at an end of a run.
 
-    :param room: the length of the leg that the joint may replace [m]
+    :param room: the length of the leg that the transition may replace [m]
     :param leg: the leg
     :param speed: the linear velocity at its other end [m/s]
     """
@@ -101,12 +101,12 @@ class RunPlan(NamedTuple):
     The plan of a run of arcs.
 
     :param legs: each arc on its smaller circle, in its whole length
-    :param joints: the joint before each arc, and the one after the last arc; None for a stop, and
-        where an arc goes on with the same curvature
+    :param transitions: the transition before each arc, and the one after the last arc; None for a
+        stop, and where an arc goes on with the same curvature
     """
 
     legs: tuple[Leg, ...]
-    joints: tuple[Joint | None, ...]
+    transitions: tuple[Transition | None, ...]
 
 
 def plan_run(run: ArcRun) -> RunPlan:
@@ -121,12 +121,12 @@ def plan_run(run: ArcRun) -> RunPlan:
 @dataclass
 class _Pass:
     """
-    The speed at which the robot passes a joint of a run, to find the time of the run.
+    The speed at which the robot passes a transition of a run, to find the time of the run.
 
     :param speed: the linear velocity [m/s]
     :param before: how much of the leg before it is replaced [m]
     :param after: how much of the leg after it is replaced [m]
-    :param length: the length of the joint [m]
+    :param length: the length of the transition [m]
     """
 
     speed: float
@@ -135,7 +135,7 @@ class _Pass:
     length: float = 0.0
 
     def passed(self, speed: float) -> Passed:
-        """Return how the joint is passed with at most a speed [m/s]."""
+        """Return how the transition is passed with at most a speed [m/s]."""
         return Passed(speed, self.before, self.after)
 
     def slow_down(self, speed: float) -> None:
@@ -147,10 +147,10 @@ class _Candidate(NamedTuple):
     """
     A possible plan of a run.
 
-    :param stops: which joints are stops
+    :param stops: at which junctions the robot stops
     :param offsets: by how much each radius is smaller [m]
     :param time: how long the run takes [s], about
-    :param is_slowed: whether a joint is slower than it could be, because a leg is short
+    :param is_slowed: whether a transition is slower than it could be, because a leg is short
     """
 
     stops: tuple[bool, ...]
@@ -202,22 +202,22 @@ class _Solver:
         """
         Return the fastest candidate with some stops, or another one if that is faster.
 
-        :param stops: which joints are stops at least
+        :param stops: at which junctions the robot stops at least
         :param best: the other candidate
         """
         if all(stops):
             return best
         scale, least = 1.0, math.inf
         for _ in range(HALVINGS):
-            joints, ends = self._joints(stops, scale)
-            if not any(joints):
+            transitions, ends = self._transitions(stops, scale)
+            if not any(transitions):
                 scale /= 2.0
                 continue
             # Half of the offsets for which there was room are tried next.
             scale = 0.5 * min(scale, max(
                 group.offset / (self._allowed(index, ends) or math.inf)
                 for index, group in enumerate(self.groups)))
-            time, is_slowed = self._timed(joints)
+            time, is_slowed = self._timed(transitions)
             if time < best.time:
                 best = _Candidate(
                     tuple(ends), tuple(group.offset for group in self.groups), time, is_slowed)
@@ -227,39 +227,40 @@ class _Solver:
         return best
 
     def _exact(self, chosen: _Candidate) -> RunPlan:
-        """Return the exact plan of a candidate, of which the joints were only estimated."""
+        """Return the exact plan of a candidate, of which the transitions were only estimated."""
         for group, offset in zip(self.groups, chosen.offsets):
             group.offset = offset
         for _ in range(ROUNDS):
-            joints = [None if stop else self._joint(index, chosen.stops, None)
+            transitions = [None if stop else self._transition(index, chosen.stops, None)
                       for index, stop in enumerate(chosen.stops)]
-            if [joint is None for joint in joints] != list(chosen.stops):
+            if [transition is None for transition in transitions] != list(chosen.stops):
                 break
-            # An exact joint can be longer than its estimate.
-            shares = self._room_shares(joints)
+            # An exact transition can be longer than its estimate.
+            shares = self._room_shares(transitions)
             if all(share >= 1.0 for share in shares):
-                return self._plan(joints)
+                return self._plan(transitions)
             self._shrink(shares)
             self._balance(chosen.stops)
         return self._plan([None] * len(chosen.stops))
 
-    def _joints(
-            self, stops: Sequence[bool], scale: float) -> tuple[list[Joint | None], list[bool]]:
+    def _transitions(
+            self, stops: Sequence[bool],
+            scale: float) -> tuple[list[Transition | None], list[bool]]:
         """
-        Return the joints for offsets that are a part of the allowed ones, if they have room.
+        Return the transitions for offsets that are a part of the allowed ones, if they have room.
 
-        :param stops: which joints are stops at least
+        :param stops: at which junctions the robot stops at least
         :param scale: the part of the allowed offsets
-        :returns: the joints, and which of them are stops
+        :returns: the transitions, and at which junctions the robot stops
         """
         ends = list(stops)
         while True:
             allowed = [self._allowed(index, ends) for index in range(len(self.groups))]
             for group, offset in zip(self.groups, allowed):
                 group.offset = scale * offset
-            joints, found = self._fitted(ends, allowed)
+            transitions, found = self._fitted(ends, allowed)
             if found == ends:
-                return joints, ends
+                return transitions, ends
             ends = found
 
     def _allowed(self, index: int, stops: Sequence[bool]) -> float:
@@ -276,7 +277,7 @@ class _Solver:
         return min(largest, tolerance)
 
     def _reach(self, index: int, stops: Sequence[bool]) -> float:
-        """Return how far a circle is inside, at its joint, for each metre of its offset [m]."""
+        """Return how far inside a circle is at its transition, for each metre of its offset."""
         if stops[index] or stops[index + 1]:
             return 1.0 - math.cos(self.groups[index].angle)
         return 1.0
@@ -298,24 +299,25 @@ class _Solver:
 
     def _fitted(
             self, stops: Sequence[bool],
-            allowed: Sequence[float]) -> tuple[list[Joint | None], list[bool]]:
+            allowed: Sequence[float]) -> tuple[list[Transition | None], list[bool]]:
         """
-        Make offsets smaller until the joints have room, and return the joints.
+        Make offsets smaller until the transitions have room, and return the transitions.
 
-        :param stops: which joints are stops
+        :param stops: at which junctions the robot stops
         :param allowed: the largest offset of each circle [m]
-        :returns: the joints, and which of them are stops now
+        :returns: the transitions, and at which junctions the robot stops now
         """
         for _ in range(ROUNDS):
             self._balance(stops)
-            joints = [None if stop or self._is_tiny(index, allowed) else self._joint(index, stops)
-                      for index, stop in enumerate(stops)]
-            found = [joint is None for joint in joints]
+            transitions = [
+                None if stop or self._is_tiny(index, allowed) else self._transition(index, stops)
+                for index, stop in enumerate(stops)]
+            found = [transition is None for transition in transitions]
             if found != list(stops):
-                return joints, found
-            shares = self._shares(joints)
+                return transitions, found
+            shares = self._shares(transitions)
             if all(share >= 1.0 for share in shares):
-                return joints, found
+                return transitions, found
             self._shrink(shares)
         return [None] * len(stops), [True] * len(stops)
 
@@ -326,19 +328,19 @@ class _Solver:
                 group.offset *= max(0.25, 0.98 * share)
 
     def _is_tiny(self, index: int, allowed: Sequence[float]) -> bool:
-        """Return whether the offsets of the circles at a joint have become too small."""
+        """Return whether the offsets of the circles at a transition have become too small."""
         return all(self.groups[one].offset <= SMALLEST * allowed[one]
                    for one in range(max(0, index - 1), min(len(self.groups), index + 1)))
 
-    def _joint(
+    def _transition(
             self, index: int, stops: Sequence[bool], most: int | None = ESTIMATE,
-    ) -> Joint | None:
+    ) -> Transition | None:
         """
-        Return the joint before a circle, or after the last one; None if it is impossible.
+        Return the transition before a circle, or after the last one; None if it is impossible.
 
         :param index: the index of the circle
-        :param stops: which joints are stops
-        :param most: the number of arcs to estimate it with; None for the exact joint
+        :param stops: at which junctions the robot stops
+        :param most: the number of arcs to estimate it with; None for the exact transition
         """
         one, two = Circle(0.0), Circle(0.0)
         speeds = []
@@ -354,7 +356,7 @@ class _Solver:
             speeds.append(self._limits(index, 0).velocity)
         elif self.run.after:
             speeds.append(self.run.after.leg.limits.velocity)
-        return _plan_joint(one, two, min(speeds), self.run.turning,
+        return _plan_transition(one, two, min(speeds), self.run.turning,
                            self.run.limits.max_angular_jerk, self.run.rate, most)
 
     def _limits(self, index: int, arc: int) -> PathLimits:
@@ -367,50 +369,51 @@ class _Solver:
         return any(one.sign != self.groups[index].sign
                    for one in self.groups[max(0, index - 1):index + 2])
 
-    def _shares(self, joints: Sequence[Joint | None]) -> list[float]:
+    def _shares(self, transitions: Sequence[Transition | None]) -> list[float]:
         """
         Return by which factor the offset of each circle may be multiplied.
 
-        :returns: for each circle a factor; below 1 its joints have not enough room, or they are
+        :returns: for each circle a factor; below 1 its transitions have not enough room, or are
             wider than the speed limits need
         """
-        shares = self._room_shares(joints)
+        shares = self._room_shares(transitions)
         for index in range(len(self.groups)):
-            sides = [joint for joint in joints[index:index + 2] if joint]
-            # An offset that no joint of the circle needs is not used.
-            needed = max((1.0 / joint.spare ** 2 for joint in sides), default=1.0)
+            sides = [transition for transition in transitions[index:index + 2] if transition]
+            # An offset that no transition of the circle needs is not used.
+            needed = max((1.0 / transition.spare ** 2 for transition in sides), default=1.0)
             if needed < SPARE:
                 shares[index] = min(shares[index], needed)
         return shares
 
-    def _room_shares(self, joints: Sequence[Joint | None]) -> list[float]:
+    def _room_shares(self, transitions: Sequence[Transition | None]) -> list[float]:
         """Return by which factor the offset of each circle may be multiplied for its room."""
         shares = [1.0] * len(self.groups)
-        for first, last, needed, room in self._rooms(joints):
+        for first, last, needed, room in self._rooms(transitions):
             if needed > max(0.0, room):
-                # What a joint replaces grows with the square root of the offsets.
+                # The replaced length grows with the square root of the offsets.
                 share = (max(0.0, room) / needed) ** 2
                 for index in range(max(0, first), min(len(self.groups), last + 1)):
                     shares[index] = min(shares[index], share)
         return shares
 
     def _rooms(
-            self, joints: Sequence[Joint | None]) -> Iterator[tuple[int, int, float, float]]:
+            self,
+            transitions: Sequence[Transition | None]) -> Iterator[tuple[int, int, float, float]]:
         """
-        Yield what joints replace of each leg, and how much they may replace.
+        Yield how much of each leg transitions replace, and how much they may replace.
 
         :returns: the indices of the first and the last circle whose offsets matter, how much the
-            joints replace [m], and how much they may replace [m]
+            transitions replace [m], and how much they may replace [m]
         """
         for index, end in ((0, self.run.before), (len(self.groups), self.run.after)):
-            joint = joints[index]
-            if joint and end:
-                yield (index - 1, index, joint.after if index else joint.before,
-                       end.room - self._least(joint.speed))
+            transition = transitions[index]
+            if transition and end:
+                yield (index - 1, index, transition.after if index else transition.before,
+                       end.room - self._least(transition.speed))
         for index, group in enumerate(self.groups):
-            one, two = joints[index:index + 2]
+            one, two = transitions[index:index + 2]
             lost = (one.after if one else 0.0, two.before if two else 0.0)
-            least = self._least(max(joint.speed if joint else 0.0 for joint in (one, two)))
+            least = self._least(max(side.speed if side else 0.0 for side in (one, two)))
             lengths = [(group.radius - group.offset) * arc.angle - least for arc in group.arcs]
             if len(lengths) == 1:
                 yield index - 1, index + 1, math.fsum(lost), lengths[0]
@@ -419,34 +422,34 @@ class _Solver:
                 yield index, index + 1, lost[1], lengths[-1]
 
     def _least(self, speed: float) -> float:
-        """Return the least length of a leg beside a joint with a speed [m]."""
+        """Return the least length of a leg beside a transition with a speed [m]."""
         return LEG_SHARE / self.run.rate * speed
 
-    def _plan(self, joints: Sequence[Joint | None]) -> RunPlan:
-        """Return the plan for joints; without any joint the circles keep their radii."""
-        if not any(joints):
+    def _plan(self, transitions: Sequence[Transition | None]) -> RunPlan:
+        """Return the plan for transitions; without any transition the circles keep their radii."""
+        if not any(transitions):
             for group in self.groups:
                 group.offset = 0.0
         legs: list[Leg] = []
-        between: list[Joint | None] = []
+        between: list[Transition | None] = []
         for index, group in enumerate(self.groups):
-            crosses = self._crosses(index) and any(joints)
-            between += [joints[index], *[None] * (len(group.arcs) - 1)]
+            crosses = self._crosses(index) and any(transitions)
+            between += [transitions[index], *[None] * (len(group.arcs) - 1)]
             legs += [Leg(group.segment(arc), group.limits(arc, self.run.limits, crosses))
                      for arc in group.arcs]
-        return RunPlan(tuple(legs), (*between, joints[-1]))
+        return RunPlan(tuple(legs), (*between, transitions[-1]))
 
-    def _timed(self, joints: Sequence[Joint | None]) -> tuple[float, bool]:
+    def _timed(self, transitions: Sequence[Transition | None]) -> tuple[float, bool]:
         """
         Return how long the run takes with the legs before and after it [s].
 
-        :returns: the time, and whether a joint had to be slowed down
+        :returns: the time, and whether a transition had to be slowed down
         """
-        plan = self._plan(joints)
+        plan = self._plan(transitions)
         legs = list(plan.legs)
         passes: list[_Pass | None] = [
-            _Pass(joint.speed, joint.before, joint.after, joint.length) if joint else None
-            for joint in plan.joints]
+            one and _Pass(one.speed, one.before, one.after, one.length)
+            for one in plan.transitions]
         for index, (one, two) in enumerate(pairwise(legs), 1):
             if is_same(one.segment, two.segment):
                 passes[index] = _Pass(min(one.limits.velocity, two.limits.velocity))
@@ -471,7 +474,7 @@ class _Solver:
         return time, any(one < two for one, two in zip(speeds[1:-1], wanted[1:-1]))
 
 
-_plan_joint = lru_cache(REMEMBERED)(plan_joint)
+_plan_transition = lru_cache(REMEMBERED)(plan_transition)
 
 
 def _shortened(end: RunEnd) -> Leg:

@@ -29,8 +29,9 @@ from kachaka_simple_control.motion.geometry import (
     Velocity,
     ZERO,
 )
+from kachaka_simple_control.motion.roots import bisection
 from kachaka_simple_control.motion.trajectory import Piece, Sent, Trajectory
-from kachaka_simple_control.motion.velocity_profile import bisection, PathState
+from kachaka_simple_control.motion.velocity_profile import PathState
 
 #: An arc of a chain lasts at most this fraction of the period of the plan.  At a lower speed it
 #: lasts longer: down to this factor it is still one message, and below it is two or more.  So no

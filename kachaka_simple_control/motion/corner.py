@@ -26,7 +26,8 @@ from typing import NamedTuple
 from kachaka_simple_control.motion.chain import ARC_SHARE, Axis, ChainPath
 from kachaka_simple_control.motion.geometry import sinc, Velocity
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.trajectory import PathSegment
+from kachaka_simple_control.motion.path_segment import PathSegment
+from kachaka_simple_control.motion.roots import largest_part
 from kachaka_simple_control.motion.velocity_profile import (
     PathLimits,
     Ramp,
@@ -40,8 +41,6 @@ MAX_ANGLE = math.radians(175.0)
 #: If the speed at both ends is less than this part of the legs' speed, the corner is a stop: it
 #: would save next to nothing.
 MIN_PART = 1e-3
-#: The number of steps into which each range of shapes is divided.
-GRID = 1 << 20
 
 
 class Shape(NamedTuple):
@@ -251,31 +250,3 @@ def plan_corner(
         return None
     tangent, deviation = turn.measure(shape)
     return Corner(turn, shape, tangent, deviation)
-
-
-def largest_part(excess: Callable[[float], float]) -> float:
-    """
-    Return the largest part, from 0 to 1, at which a rising function is not above 0.
-
-    The parts are whole multiples of 1 / GRID, so that rounding hardly ever changes the result.
-    The method is regula falsi with the Illinois rule.
-
-    :param excess: the function; at 0 it is taken as not above 0
-    """
-    above = excess(1.0)
-    if above <= 0.0:
-        return 1.0
-    low, high, below, last = 0, GRID, min(-1e-300, excess(0.0)), 0
-    while high - low > 1:
-        guess = low + round((high - low) * below / (below - above))
-        guess = min(max(low + 1, guess), high - 1)
-        value = excess(guess / GRID)
-        if value <= 0.0:
-            low, below = guess, min(-1e-300, value)
-            above = above / 2.0 if last < 0 else above
-            last = -1
-        else:
-            high, above = guess, value
-            below = below / 2.0 if last > 0 else below
-            last = 1
-    return low / GRID

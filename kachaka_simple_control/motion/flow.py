@@ -15,8 +15,8 @@
 Join steps into flows, which the robot drives without a stop.
 
 A flow is a run of legs in one direction: lines and arcs.  Between two lines there may be one turn;
-it becomes a corner.  Where a line meets an arc, or an arc another one, a joint connects them.  The
-robot is at rest at both ends of a flow.
+it becomes a corner.  Where a line meets an arc, or an arc another one, a transition connects them.
+The robot is at rest at both ends of a flow.
 """
 
 from __future__ import annotations
@@ -30,17 +30,19 @@ from typing import NamedTuple
 from kachaka_simple_control.motion.arc_group import is_same, RunArc
 from kachaka_simple_control.motion.arc_run import ArcRun, LEG_SHARE, plan_run, RunEnd
 from kachaka_simple_control.motion.corner import corner_path, CornerTurn, MAX_ANGLE
-from kachaka_simple_control.motion.flow_joints import (
-    ArcJoint,
+from kachaka_simple_control.motion.flow_leg import FlowLeg
+from kachaka_simple_control.motion.junctions import (
+    ArcJunction,
     corner_of,
-    CornerJoint,
+    CornerJunction,
     corners_of,
+    Junction,
     REMEMBERED,
 )
-from kachaka_simple_control.motion.joint import joint_path, Replaced
-from kachaka_simple_control.motion.leg_speeds import Leg, LegJoint, length_left, limit_speeds
+from kachaka_simple_control.motion.leg_speeds import Leg, LegJunction, length_left, limit_speeds
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.trajectory import FlowLeg, ProfiledPath, Trajectory
+from kachaka_simple_control.motion.trajectory import ProfiledPath, Trajectory
+from kachaka_simple_control.motion.transition import Replaced, transition_path
 from kachaka_simple_control.motion.velocity_profile import PathLimits, time_optimal_profile
 
 #: A flow saves at least this part of the time from rest to rest.
@@ -50,14 +52,14 @@ PASSES = 3
 #: A rest of a leg of at most this fraction of the leg comes from the grid of the corners.
 GRID_REST = 4e-6
 #: An arc with less curvature [rad/m] is driven from rest to rest: so far from the centre of its
-#: circle, rounding would move the end of a joint by more than a nanometre.
+#: circle, rounding would move the end of a transition by more than a nanometre.
 LEAST_CURVATURE = 1e-5
 #: A corner counts as shrunk if its tangent is shorter by more than this fraction.
 SHRINKAGE = 1e-6
 
 _plan_run = lru_cache(REMEMBERED)(plan_run)
 _path = lru_cache(REMEMBERED)(corner_path)
-_joint_path = lru_cache(REMEMBERED)(joint_path)
+_transition_path = lru_cache(REMEMBERED)(transition_path)
 _leg_between = lru_cache(REMEMBERED)(FlowLeg.between)
 
 
@@ -110,8 +112,8 @@ class FlowStep(NamedTuple):
     """
     A planned step of a flow.
 
-    :param trajectories: its trajectories, in driving order.  The joint of a line and an arc
-        belongs to the arc, and the joint of two arcs to the first one
+    :param trajectories: its trajectories, in driving order.  The transition between a line and
+        an arc belongs to the arc, and the one between two arcs to the first arc
     :param cut: for a turn, how much its corner is cut; None for a leg
     :param joins_next: whether the robot goes on into the next step without a stop
     """
@@ -218,19 +220,19 @@ class _Flow:
         self.tops = [leg.limits.velocity for leg in self.legs]
         #: the turn after each leg
         self.turns = [paths[one + 1] if two > one + 1 else None for one, two in pairwise(places)]
-        #: the tolerance of the joint after each leg
+        #: the tolerance of the junction after each leg
         self.tolerances = [min(part.tolerance for part in parts[one:two + 1])
                            for one, two in pairwise(places)]
-        #: the joint after each leg
-        self.joints: list[CornerJoint | ArcJoint] = [
-            self._first_joint(index) for index in range(len(self.turns))]
+        #: the junction after each leg
+        self.junctions: list[Junction] = [
+            self._first_junction(index) for index in range(len(self.turns))]
         #: the runs of arcs, as the indices of their legs
         self.runs = list(self._find_runs())
         for run in self.runs:
             self._plan_run(run, *(leg.segment.distance if leg else 0.0
                                   for leg in (self._line(run, -1), self._line(run, 1))))
-        #: how much of the legs each joint replaces with unlimited room [m]
-        self.wanted = [Replaced(joint.before, joint.after) for joint in self.joints]
+        #: how much of the legs each junction replaces with unlimited room [m]
+        self.wanted = [Replaced(junction.before, junction.after) for junction in self.junctions]
 
     def planned(self) -> list[FlowStep]:
         """Return the plan of each part."""
@@ -238,19 +240,19 @@ class _Flow:
         # Each of the two only slows corners down, and may make the other necessary once more.
         for _ in range(PASSES):
             self._keep_legs()
-            joints: list[LegJoint | None] = [None, *self.joints, None]
-            limit_speeds(self.legs, joints)
+            junctions: list[LegJunction | None] = [None, *self.junctions, None]
+            limit_speeds(self.legs, junctions)
         self._remove_grid_rests()
         return self._build()
 
-    def _first_joint(self, index: int) -> CornerJoint | ArcJoint:
-        """Return the joint after a leg, with all the room of the legs; arcs stop here."""
+    def _first_junction(self, index: int) -> Junction:
+        """Return the junction after a leg, with all the room of the legs; arcs stop here."""
         one, two = self.legs[index:index + 2]
         speed = min(one.limits.velocity, two.limits.velocity)
         if one.segment.angular or two.segment.angular:
-            return ArcJoint(None, speed if is_same(one.segment, two.segment) else 0.0)
+            return ArcJunction(None, speed if is_same(one.segment, two.segment) else 0.0)
         turn = self.turns[index]
-        return CornerJoint(
+        return CornerJunction(
             None if turn is None else CornerTurn(
                 turn.segment, turn.limits, one.limits._replace(velocity=speed),
                 one.segment.linear, self.rate),
@@ -274,7 +276,7 @@ class _Flow:
         return self.legs[index] if 0 <= index < len(self.legs) else None
 
     def _shortest(self, leg: Leg) -> float:
-        """Return the least length of a leg between two joints [m]."""
+        """Return the least length of a leg between two junctions [m]."""
         return LEG_SHARE / self.rate * leg.limits.velocity
 
     def _plan_run(self, run: range, *rooms: float) -> None:
@@ -282,15 +284,16 @@ class _Flow:
         Plan a run of arcs.
 
         :param run: the indices of its legs
-        :param rooms: how much its joints may replace of the line before it and of the line after
-            it [m]
+        :param rooms: how much its transitions may replace of the line before it and of the line
+            after it [m]
         """
         ends = []
         for side, room, far in zip((-1, 1), rooms, (run.start - 2, run.stop)):
             speed, line = 0.0, self._line(run, side)
-            if line and 0 <= far < len(self.joints):
-                joint = self.joints[far]
-                speed = joint.speed if isinstance(joint, CornerJoint) else line.limits.velocity
+            if line and 0 <= far < len(self.junctions):
+                junction = self.junctions[far]
+                speed = (junction.speed if isinstance(junction, CornerJunction)
+                         else line.limits.velocity)
             ends.append(line and RunEnd(room, line, min(speed, line.limits.velocity)))
         arcs = []
         for index in run:
@@ -298,42 +301,43 @@ class _Flow:
             arcs.append(RunArc(self.asked[index].segment, self.tops[index], min(around)))
         planned = _plan_run(ArcRun(tuple(arcs), ends[0], ends[1], self.limits, self.rate))
         self.legs[run.start:run.stop] = planned.legs
-        for index, found in enumerate(planned.joints, run.start - 1):
-            if not 0 <= index < len(self.joints):
+        for index, found in enumerate(planned.transitions, run.start - 1):
+            if not 0 <= index < len(self.junctions):
                 continue
             one, two = self.legs[index:index + 2]
             if found:
-                self.joints[index] = ArcJoint(found, found.speed)
+                self.junctions[index] = ArcJunction(found, found.speed)
             elif is_same(one.segment, two.segment):
-                self.joints[index] = ArcJoint(None, min(one.limits.velocity, two.limits.velocity))
+                self.junctions[index] = ArcJunction(
+                    None, min(one.limits.velocity, two.limits.velocity))
             else:
-                self.joints[index] = ArcJoint(None, 0.0)
+                self.junctions[index] = ArcJunction(None, 0.0)
 
-    def _room(self, joint: int, leg: int) -> float:
+    def _room(self, junction: int, leg: int) -> float:
         """
-        Return how much of a leg a joint may replace [m].
+        Return how much of a leg a junction may replace [m].
 
-        :param joint: the index of the joint
-        :param leg: the index of the leg, before or after the joint
+        :param junction: the index of the junction
+        :param leg: the index of the leg, before or after the junction
         """
         length = self.legs[leg].segment.distance
-        other = joint - 1 if leg == joint else joint + 1
-        if not 0 <= other < len(self.joints):
+        other = junction - 1 if leg == junction else junction + 1
+        if not 0 <= other < len(self.junctions):
             return length
-        wanted = self.wanted[other].after if leg == joint else self.wanted[other].before
-        at = self.joints[other]
-        if isinstance(at, ArcJoint) and at.joint:
+        wanted = self.wanted[other].after if leg == junction else self.wanted[other].before
+        at = self.junctions[other]
+        if isinstance(at, ArcJunction) and at.transition:
             wanted = max(0.0, wanted + self._shortest(self.legs[leg]))
         return max(length / 2.0, length - wanted)
 
     def _share_room(self) -> None:
-        """Plan joints again for which a leg is too short because of the joint at its other end."""
+        """Plan a junction again if its leg is too short because of the other junction."""
         rooms = [Replaced(self._room(index, index), self._room(index, index + 1))
-                 for index in range(len(self.joints))]
-        for joint, room in zip(self.joints, rooms):
-            if isinstance(joint, CornerJoint) and min(room) < joint.before:
-                joint.room = min(room)
-                joint.slow_down(joint.speed)
+                 for index in range(len(self.junctions))]
+        for junction, room in zip(self.junctions, rooms):
+            if isinstance(junction, CornerJunction) and min(room) < junction.before:
+                junction.room = min(room)
+                junction.slow_down(junction.speed)
         for run in self.runs:
             granted, is_short = [0.0, 0.0], False
             for side, index in enumerate((run.start - 1, run.stop - 1)):
@@ -347,33 +351,33 @@ class _Flow:
                 self._plan_run(run, *granted)
 
     def _keep_legs(self) -> None:
-        """Shrink corners until each leg between two joints lasts long enough."""
-        for leg, one, two in zip(self.legs[1:], self.joints, self.joints[1:]):
+        """Shrink corners until each leg between two junctions lasts long enough."""
+        for leg, one, two in zip(self.legs[1:], self.junctions, self.junctions[1:]):
             left = length_left(leg, one, two)
             missing = LEG_SHARE / self.rate * max(one.speed, two.speed) - left
-            joint = corner_of(one, two)
+            junction = corner_of(one, two)
             # A rest that comes from the grid of the corners is removed later.
             is_grid_rest = left <= GRID_REST * leg.segment.distance and one.speed == two.speed
-            if missing > 0.0 and joint and not is_grid_rest:
-                joint.room = max(0.0, joint.tangent - missing)
-                joint.slow_down(joint.speed)
+            if missing > 0.0 and junction and not is_grid_rest:
+                junction.room = max(0.0, junction.tangent - missing)
+                junction.slow_down(junction.speed)
 
     def _remove_grid_rests(self) -> None:
         """Stretch corners over what is left of a leg only because of the grid of the corners."""
-        for leg, one, two in zip(self.legs[1:], self.joints, self.joints[1:]):
+        for leg, one, two in zip(self.legs[1:], self.junctions, self.junctions[1:]):
             left = length_left(leg, one, two)
             if 0.0 < left <= GRID_REST * leg.segment.distance and one.speed == two.speed:
-                for joint in corners_of(one, two):
-                    if joint.may_grow(left):
-                        joint.stretch(left)
+                for junction in corners_of(one, two):
+                    if junction.may_grow(left):
+                        junction.stretch(left)
                         break
 
     def _build(self) -> list[FlowStep]:
-        """Return the planned steps for the speeds at the joints."""
-        chains = [self._chain(index) for index in range(len(self.joints))]
+        """Return the planned steps for the speeds at the junctions."""
+        chains = [self._chain(index) for index in range(len(self.junctions))]
         nothing = Replaced(0.0, 0.0)
         lost = [nothing, *(replaced for _, replaced in chains), nothing]
-        speeds = [0.0, *(joint.speed for joint in self.joints), 0.0]
+        speeds = [0.0, *(junction.speed for junction in self.junctions), 0.0]
         steps = []
         for index, leg in enumerate(self.legs):
             trajectories = [self._leg(index, lost[index:index + 2], speeds[index:index + 2])]
@@ -386,21 +390,22 @@ class _Flow:
             steps.append(FlowStep(
                 tuple(trajectories), None, joins_next=speeds[index + 1] > 0.0))
             if index < len(chains) and (turn := self.turns[index]) is not None:
-                joint = self.joints[index]
-                assert isinstance(joint, CornerJoint)
-                cut = Cut(joint.tolerance, joint.corner.deviation if joint.corner else 0.0,
-                          joint.before < self.wanted[index].before * (1.0 - SHRINKAGE))
+                junction = self.junctions[index]
+                assert isinstance(junction, CornerJunction)
+                deviation = junction.corner.deviation if junction.corner else 0.0
+                cut = Cut(junction.tolerance, deviation,
+                          junction.before < self.wanted[index].before * (1.0 - SHRINKAGE))
                 steps.append(FlowStep(
-                    (chains[index][0] or turn,), cut, joins_next=joint.speed > 0.0))
+                    (chains[index][0] or turn,), cut, joins_next=junction.speed > 0.0))
         return steps
 
     def _leg(
             self, index: int, lost: Sequence[Replaced], speeds: Sequence[float]) -> Trajectory:
         """
-        Return the trajectory of what the joints leave of a leg.
+        Return the trajectory of what the junctions leave of a leg.
 
         :param index: the index of the leg
-        :param lost: what the joints before and after it replace [m]
+        :param lost: what the junctions before and after it replace [m]
         :param speeds: the linear velocities at both ends [m/s]
         """
         leg, asked = self.legs[index], self.asked[index]
@@ -410,14 +415,16 @@ class _Flow:
         return _leg_between(leg.segment._replace(distance=left), leg.limits, *speeds)
 
     def _chain(self, index: int) -> tuple[Trajectory | None, Replaced]:
-        """Return the path of a joint, if it has one, and what it replaces of both legs [m]."""
-        joint = self.joints[index]
-        if isinstance(joint, CornerJoint):
-            path = _path(joint.corner, self.limits, joint.stretching) if joint.corner else None
-            return path, Replaced(joint.tangent, joint.tangent)
-        if joint.joint is None:
+        """Return the path of a junction, if it has one, and what it replaces of both legs [m]."""
+        junction = self.junctions[index]
+        if isinstance(junction, CornerJunction):
+            path = None if junction.corner is None else _path(
+                junction.corner, self.limits, junction.stretching)
+            return path, Replaced(junction.tangent, junction.tangent)
+        if junction.transition is None:
             return None, Replaced(0.0, 0.0)
         one, two = (leg.segment for leg in self.legs[index:index + 2])
-        chain, lost = _joint_path(joint.joint.bend, joint.speed, one.linear, self.limits)
+        chain, lost = _transition_path(
+            junction.transition.bend, junction.speed, one.linear, self.limits)
         return chain, Replaced(lost.before / (abs(one.angular) or 1.0),
                                lost.after / (abs(two.angular) or 1.0))

@@ -18,8 +18,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
-from kachaka_simple_control.motion.trajectory import PathSegment
-from kachaka_simple_control.motion.velocity_profile import bisection, PathLimits, ramp
+from kachaka_simple_control.motion.path_segment import PathSegment
+from kachaka_simple_control.motion.roots import bisection
+from kachaka_simple_control.motion.velocity_profile import PathLimits, ramp
 
 #: How often the range of speeds is halved to find the speed for which a leg is long enough.
 SPEED_BISECTIONS = 12
@@ -29,7 +30,7 @@ class Leg(NamedTuple):
     """
     A line or an arc of a flow, in its whole length.
 
-    :param segment: the path segment [m]; the joints at its ends replace a part of it
+    :param segment: the path segment [m]; the junctions at its ends replace a part of it
     :param limits: the limits along the leg
     """
 
@@ -39,7 +40,7 @@ class Leg(NamedTuple):
 
 class Passed(NamedTuple):
     """
-    How a joint is passed.
+    How a junction is passed.
 
     :param speed: the linear velocity [m/s]; 0 for a stop
     :param before: how much of the leg before it is replaced at most [m]
@@ -51,7 +52,7 @@ class Passed(NamedTuple):
     after: float
 
 
-class LegJoint(Protocol):
+class LegJunction(Protocol):
     """
     The place where the robot passes from one leg to the next one.
 
@@ -69,41 +70,41 @@ class LegJoint(Protocol):
         """Return how much of the leg after it is replaced at most [m]."""
 
     def passed(self, speed: float) -> Passed:
-        """Return how the joint would be passed with at most a speed [m/s]."""
+        """Return how the junction would be passed with at most a speed [m/s]."""
 
     def slow_down(self, speed: float) -> None:
-        """Plan the joint again with a lower speed [m/s]."""
+        """Plan the junction again with a lower speed [m/s]."""
 
 
-def length_left(leg: Leg, one: LegJoint | None, two: LegJoint | None) -> float:
+def length_left(leg: Leg, one: LegJunction | None, two: LegJunction | None) -> float:
     """
-    Return the length of a leg between two joints [m].
+    Return the length of a leg between two junctions [m].
 
     :param leg: the leg
-    :param one: the joint at its start; None for a rest
-    :param two: the joint at its end; None for a rest
+    :param one: the junction at its start; None for a rest
+    :param two: the junction at its end; None for a rest
     """
     return leg.segment.distance - (one.after if one else 0.0) - (two.before if two else 0.0)
 
 
 def limit_speeds(
-        legs: Sequence[Leg], joints: Sequence[LegJoint | None], first: float = 0.0,
+        legs: Sequence[Leg], junctions: Sequence[LegJunction | None], first: float = 0.0,
         last: float = 0.0) -> None:
     """
-    Slow joints down until each leg is long enough to change its speed.
+    Slow junctions down until each leg is long enough to change its speed.
 
     :param legs: the legs
-    :param joints: the joint before each leg, and the one after the last leg; None for a rest
-    :param first: the speed at the start of the first leg, if it has no joint there [m/s]
-    :param last: the speed at the end of the last leg, if it has no joint there [m/s]
+    :param junctions: the junction before each leg, and the one after the last leg; None for a rest
+    :param first: the speed at the start of the first leg, if it has no junction there [m/s]
+    :param last: the speed at the end of the last leg, if it has no junction there [m/s]
     """
     for index, leg in enumerate(legs):
-        one, two = joints[index:index + 2]
+        one, two = junctions[index:index + 2]
         start = one.speed if one else 0.0 if index else first
         if two:
             _limit_speed(two, start, length_left(leg, one, None), leg.limits, is_end=True)
     for index in reversed(range(len(legs))):
-        one, two = joints[index:index + 2]
+        one, two = junctions[index:index + 2]
         end = two.speed if two else 0.0 if index + 1 < len(legs) else last
         limits = legs[index].limits
         if one:
@@ -113,23 +114,24 @@ def limit_speeds(
 
 
 def _limit_speed(
-        joint: LegJoint, other: float, left: float, limits: PathLimits, is_end: bool) -> None:
+        junction: LegJunction, other: float, left: float, limits: PathLimits,
+        is_end: bool) -> None:
     """
-    Slow a joint down if the leg between it and a place with another speed is too short.
+    Slow a junction down if the leg between it and a place with another speed is too short.
 
-    :param joint: the joint
+    :param junction: the junction
     :param other: the speed at the other place [m/s]
-    :param left: the length of the leg with the part that the joint replaces [m]
+    :param left: the length of the leg with the part that the junction replaces [m]
     :param limits: the limits along the leg, seen from the other place
-    :param is_end: whether the joint is at the end of the leg
+    :param is_end: whether the junction is at the end of the leg
     """
     def is_too_fast(speed: float) -> bool:
-        passed = joint.passed(speed)
+        passed = junction.passed(speed)
         return passed.speed > other and _distance(other, passed.speed, limits) > left - (
             passed.before if is_end else passed.after)
 
-    if joint.speed > other and is_too_fast(joint.speed):
-        joint.slow_down(bisection(other, joint.speed, is_too_fast, SPEED_BISECTIONS)[0])
+    if junction.speed > other and is_too_fast(junction.speed):
+        junction.slow_down(bisection(other, junction.speed, is_too_fast, SPEED_BISECTIONS)[0])
 
 
 def _distance(start: float, end: float, limits: PathLimits) -> float:

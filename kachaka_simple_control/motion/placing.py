@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import NamedTuple
 
 from kachaka_simple_control.errors import InvalidMotionError
@@ -60,19 +61,19 @@ class Block(NamedTuple):
     parts: Sequence[Leaf | Block]
 
 
-def is_placed(step: Step) -> bool:
+def depends_on_pose(step: Step) -> bool:
     """
     Return whether the path of a step depends on the pose at its start.
 
     :param step: the step; a block depends on it if a step in it does
     """
     block = step.block()
-    return step.is_placed if block is None else any(map(is_placed, block[1]))
+    return step.is_placed if block is None else any(map(depends_on_pose, block[1]))
 
 
 class Placer:
     """
-    Follow the steps of a motion from pose to pose, and turn each goto into turns and legs.
+    Follows the steps of a motion from pose to pose, and turns each goto into turns and legs.
 
     :param corners: the tolerance of corners of the motion [m]
     :param visit: a function to call with each step that is listed; it may raise an error to end
@@ -99,7 +100,7 @@ class Placer:
             place = f'{path}.{step.keyword}.'
             if (block := step.block()) is None:
                 found += self._leaves(step, path, place)
-            elif is_placed(step):
+            elif depends_on_pose(step):
                 found += self._unrolled(*block, place)
             else:
                 found.append(self._repeated(*block, place))
@@ -135,15 +136,11 @@ class Placer:
                 # From here on the repetitions are the same again and again.
                 cycle, left = passes[first:], times - index
                 whole, rest = divmod(left, len(cycle))
-                again = Block(whole, [part for parts in cycle for part in parts])
+                again = Block(whole, [*chain.from_iterable(cycle)])
                 self._pose = list(known)[first + rest]
-                return [*_joined(passes), again, *_joined(cycle[:rest])]
+                return [*chain.from_iterable(passes), again, *chain.from_iterable(cycle[:rest])]
             passes.append(self.parts(steps, place))
-        return _joined(passes)
-
-
-def _joined(passes: Sequence[Sequence[Leaf | Block]]) -> list[Leaf | Block]:
-    return [part for parts in passes for part in parts]
+        return [*chain.from_iterable(passes)]
 
 
 def _power(pose: Pose, times: int) -> Pose:

@@ -25,8 +25,8 @@ from typing import NamedTuple
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.flow import Cut, find_flows, FlowPart, plan_flow
 from kachaka_simple_control.motion.geometry import Displacement, integrate, ORIGIN, Pose, Velocity
-from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
-from kachaka_simple_control.motion.placing import Block, is_placed, Leaf, Placer
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.placing import Block, depends_on_pose, Leaf, Placer
 from kachaka_simple_control.motion.step_base import MAX_DURATION, Step
 from kachaka_simple_control.motion.steps import Motion
 from kachaka_simple_control.motion.trajectory import ProfiledPath, Trajectory
@@ -301,7 +301,7 @@ def _apply_limits(motion: Motion, limits: Limits) -> tuple[_Block, list[InvalidM
     def parts(steps: Sequence[Step], prefix: str) -> list[_Item | _Block]:
         return [part(step, f'{prefix}steps[{index}]') for index, step in enumerate(steps)]
 
-    if any(map(is_placed, motion.steps)):
+    if any(map(depends_on_pose, motion.steps)):
         whole = _place(motion, limits, errors)
     else:
         whole = _Block(1, parts(motion.steps, ''))
@@ -439,68 +439,3 @@ def _segments(velocities: list[Velocity], start: float, end: float) -> list[Segm
         return segments
     # Leave out a segment that is shorter than the resolution of the time since t = 0.
     return [segment for segment in segments if segment.end > segment.start]
-
-
-@dataclass(frozen=True)
-class DriveOrder:
-    """
-    A motion, with the limits and the rate from which its plan is computed.
-
-    A closed loop corrects the planned velocities with odometry while the robot drives.  For a
-    closed loop, a plan uses only a part of each limit, so that the corrections can use the rest.
-
-    :param motion: the motion; for a closed loop, its last step is a settle step, in which the
-        robot stands still and its heading is corrected
-    :param limits: the limits with which the plan is computed.  They are the limits of the robot,
-        or limits for this motion, which can be higher.  For a closed loop, they are a part of
-        these limits
-    :param rate: the rate at which velocities are sent [Hz]
-    :param allowed: the limits of the robot; for a closed loop, a part of each.  ``plan()`` raises
-        an error for a planned velocity beyond them
-    :param corrected: for a closed loop, the limits of the corrected velocities; None if there is
-        no closed loop
-    """
-
-    motion: Motion
-    limits: Limits
-    rate: float
-    allowed: Limits
-    corrected: Limits | None = None
-
-    @classmethod
-    def of(cls, motion: Motion, robot: Limits, rate: float, limits: Limits | None = None,
-           is_closed_loop: bool = False) -> DriveOrder:
-        """
-        Return the ``DriveOrder`` for a motion.
-
-        A closed loop corrects velocities with odometry.  For a closed loop, the plan uses only a
-        part of the limits, and the corrections can use the rest.  The motion then ends with a
-        settle step, in which the robot stands still while its heading is corrected.
-
-        :param motion: the motion
-        :param robot: the limits of the robot
-        :param rate: the rate at which velocities are sent [Hz]
-        :param limits: the limits for this motion; None for the limits of the robot
-        :param is_closed_loop: whether a closed loop corrects the velocities
-        """
-        limits = limits or robot
-        if not is_closed_loop:
-            return cls(motion, limits, rate, robot)
-        return cls(motion.settled(), limits.scaled(CLOSED_LOOP_SHARE), rate,
-                   robot.scaled(CLOSED_LOOP_SHARE), limits.tightened(robot))
-
-    def plan(self) -> Plan:
-        """
-        Return the plan of the motion: all velocities that drive it, with their times.
-
-        :raises InvalidMotionError: if the motion is invalid, or the robot cannot drive it
-        """
-        try:
-            planned = plan(self.motion, self.limits, self.rate)
-        except InvalidMotionError as error:
-            raise error if self.corrected is None else error.by("the closed loop's") from None
-        if self.limits.exceeds(self.allowed):
-            # Otherwise such a velocity would be refused during the motion.
-            for velocity in {segment.velocity for segment in planned.segments}:
-                self.allowed.check(velocity)
-        return planned

@@ -24,13 +24,8 @@ from typing import Any, ClassVar, NamedTuple
 from kachaka_simple_control.errors import InvalidMotionError, LimitError
 from kachaka_simple_control.motion.geometry import Displacement, Point, Pose
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.trajectory import (
-    ConstantVelocity,
-    limits_along,
-    PathSegment,
-    ProfiledPath,
-    Trajectory,
-)
+from kachaka_simple_control.motion.path_segment import limits_along, PathSegment
+from kachaka_simple_control.motion.trajectory import ConstantVelocity, ProfiledPath, Trajectory
 from kachaka_simple_control.motion.units import Quantity, require_finite
 from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
 

@@ -23,6 +23,7 @@ from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion import units
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.path_segment import PathSegment
 from kachaka_simple_control.motion.step_base import (
     Count,
     in_file,
@@ -31,7 +32,7 @@ from kachaka_simple_control.motion.step_base import (
     step_tuple,
     StepList,
 )
-from kachaka_simple_control.motion.trajectory import PathSegment, Trajectory
+from kachaka_simple_control.motion.trajectory import Trajectory
 from kachaka_simple_control.motion.units import format_number, require_finite
 
 __all__ = [

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Path segments, and trajectories along them.
+Trajectories: parts of a path with their timing.
 
-A path segment is a part of a path with constant curvature.  A trajectory is a path segment with
-its timing.
+Each of them is driven along a path segment, which is a part of the path with constant curvature.
+Only a ``ChainPath`` (see ``chain.py``) is driven along a chain of short arcs.
 """
 
 from __future__ import annotations
@@ -27,15 +27,16 @@ import math
 from typing import NamedTuple
 
 from kachaka_simple_control.motion.geometry import advance, Pose, Velocity, ZERO
-from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.velocity_profile import (
-    bisection,
-    PathLimits,
-    PathState,
+from kachaka_simple_control.motion.path_segment import PathSegment
+from kachaka_simple_control.motion.replanning import (
     replan_through,
-    replan_to_end,
     replan_to_rest,
     Replanned,
+)
+from kachaka_simple_control.motion.roots import bisection
+from kachaka_simple_control.motion.velocity_profile import (
+    PathLimits,
+    PathState,
     VelocityProfile,
 )
 
@@ -47,52 +48,6 @@ MESSAGE_TOLERANCE = 1e-6
 #: How often a duration is halved to find the time of a position.  A duration of a day is halved to
 #: less than a microsecond.
 TIME_BISECTIONS = 40
-
-
-class PathSegment(NamedTuple):
-    """
-    A part of a path; its curvature is constant.
-
-    The unit u of its length is the metre for straight lines and arcs, and the radian for a turn in
-    place.  For a step that holds a velocity for a time, the length is the planned duration, and u
-    is the second; so ``linear`` and ``angular`` are velocities.
-
-    Examples: for a straight line, ``linear`` is 1 or -1, and ``angular`` is 0.  For a turn in
-    place, ``linear`` is 0, and ``angular`` is 1 or -1.
-
-    :param distance: the length of the segment [u], not negative
-    :param linear: metres forwards for each u [m/u], negative backwards
-    :param angular: radians to the left for each u [rad/u], negative to the right
-    """
-
-    distance: float
-    linear: float
-    angular: float
-
-    @property
-    def is_rest(self) -> bool:
-        """Return whether the robot stands still during the whole path segment."""
-        return not (self.linear or self.angular)
-
-    @property
-    def length(self) -> float:
-        """Return how far the robot drives in the path segment [m], negative backwards."""
-        return self.linear * self.distance
-
-    @property
-    def angle(self) -> float:
-        """Return the heading change in the path segment [rad], positive to the left."""
-        return self.angular * self.distance
-
-    def velocity(self, rate: float) -> Velocity:
-        """
-        Convert a velocity along the path segment to the velocity of the robot.
-
-        :param rate: the velocity along the segment [u/s], where u is the unit of the segment's
-            length: the metre, the radian, or the second of planned time
-        :returns: the linear and the angular velocity of the robot
-        """
-        return Velocity(self.linear * rate, self.angular * rate)
 
 
 class Sent(NamedTuple):
@@ -125,39 +80,6 @@ class Piece(NamedTuple):
     first: PathState
     last: PathState
     rest: float = 0.0
-
-
-def limits_along(segment: PathSegment, limits: Limits) -> PathLimits:
-    """
-    Return the limits of velocity, acceleration, deceleration and jerk along a path segment.
-
-    The linear and the angular limit of the robot are converted to the unit u of the segment's
-    length, and the lower one is returned.  u is the metre, the radian, or the second of planned
-    time.  See formulas (13) and (17) of docs/theory.md.
-
-    :param segment: the segment
-    :param limits: the limits of the robot
-    :returns: the limits [u/s, u/s^2 and u/s^3].  All are infinite if the robot stands still during
-        the segment
-    """
-    forward = limits.backward_velocity if segment.linear < 0.0 else limits.max_linear_velocity
-    return PathLimits(
-        _tighter(segment, forward, limits.max_angular_velocity),
-        _tighter(segment, limits.max_linear_acceleration, limits.max_angular_acceleration),
-        _tighter(segment, limits.linear_deceleration, limits.angular_deceleration),
-        _tighter(segment, limits.max_linear_jerk, limits.max_angular_jerk))
-
-
-def _tighter(segment: PathSegment, linear: float, angular: float) -> float:
-    return min(_along(linear, abs(segment.linear)), _along(angular, abs(segment.angular)))
-
-
-def _along(limit: float, rate: float) -> float:
-    if not rate:
-        return math.inf
-    along = limit / rate
-    # If rounding raised a velocity above its limit, it would be refused during the motion.
-    return along if along * rate <= limit else math.nextafter(along, 0.0)
 
 
 class Trajectory(ABC):
@@ -573,67 +495,3 @@ class ProfiledPath(TimedPath):
     def max_rate(self) -> float:
         """Return the largest planned velocity along the path segment [m/s or rad/s]."""
         return self.profile.velocity
-
-
-@dataclass(frozen=True)
-class FlowLeg(ProfiledPath):
-    """
-    A straight line or an arc of a flow, which need not begin and end at rest.
-
-    :param start: the velocity at the start [m/s], not negative
-    :param end: the velocity at the end [m/s], not negative
-    """
-
-    start: float = 0.0
-    end: float = 0.0
-
-    @classmethod
-    def between(
-            cls, segment: PathSegment, limits: PathLimits, start: float, end: float) -> FlowLeg:
-        """
-        Return the fastest leg between two velocities.
-
-        :param segment: the path segment, long enough to change from one velocity to the other
-        :param limits: the limits along the segment
-        :param start: the velocity at the start [m/s], not negative
-        :param end: the velocity at the end [m/s], not negative
-        """
-        profile = replan_to_end(
-            PathState(0.0, start), segment.distance, limits.velocity, end, limits)
-        return cls(segment, limits, profile, start, end)
-
-    @property
-    def max_rate(self) -> float:
-        """Return the largest planned velocity along the leg [m/s]."""
-        # Rounding must not raise it above the limit.
-        return min(self.profile.velocity, self.limits.velocity)
-
-    @property
-    def planned_start(self) -> PathState:
-        """Return the planned position and velocity at the start of the leg."""
-        return PathState(0.0, self.start)
-
-    def first_state(self, factor: float, velocity: float) -> PathState:  # noqa: ARG002
-        """
-        Return the position and the velocity at the start of the leg.
-
-        :param factor: not used
-        :param velocity: the velocity at the end of the previous trajectory [m/s]; not used if the
-            leg begins at rest as planned
-        """
-        return PathState(0.0, velocity if self.start else 0.0)
-
-    def replanned(self, state: PathState, factor: float) -> Replanned:
-        """
-        Plan the rest of the leg again for another speed factor.
-
-        The factor multiplies the largest velocity of the leg and the velocity at its end.
-
-        :param state: the current position, velocity and acceleration along the leg
-        :param factor: the speed factor, from 0 to 1.  0 means a stop as soon as possible; if the
-            rest of the leg is too short to stop, the velocity at its end is not zero
-        """
-        if not factor:
-            return replan_through(state, self.segment.distance, 0.0, self.limits)
-        return replan_to_end(
-            state, self.segment.distance, factor * self.max_rate, factor * self.end, self.limits)

@@ -21,6 +21,7 @@ import math
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion import units
 from kachaka_simple_control.motion.geometry import ORIGIN, Point, Pose, shorter_turn
+from kachaka_simple_control.motion.path_segment import PathSegment
 from kachaka_simple_control.motion.step_base import (
     as_point,
     as_points,
@@ -32,7 +33,6 @@ from kachaka_simple_control.motion.step_base import (
     Step,
 )
 from kachaka_simple_control.motion.steps import Forward, Turn
-from kachaka_simple_control.motion.trajectory import PathSegment
 from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.text import pluralize
 
@@ -40,6 +40,13 @@ from kachaka_simple_control.text import pluralize
 MIN_LEG = 1e-3
 #: A turn before or after a leg that is smaller than this is rounding, and is left out [rad].
 MIN_TURN = 1e-10
+#: How the fields ``heading`` and ``speed`` are written in a file.
+HEADING = in_file(
+    units.ANGLE, 'Where to look then, seen from where the motion began.  Left out: as it came.',
+    '0 deg')
+SPEED = in_file(
+    units.POSITIVE_LINEAR_VELOCITY,
+    'Drive no faster than this.  Left out: as fast as the limits allow.', '0.2 m/s')
 
 
 @dataclass(frozen=True)
@@ -60,12 +67,8 @@ class Goto(Step):
     point: Point = field(metadata=in_file(
         PointField(), 'Where to: x is ahead and y is to the left of where the motion began.',
         ['1 m', '0.5 m']))
-    heading: float | None = field(default=None, metadata=in_file(
-        units.ANGLE, 'Where to look then, seen from where the motion began.  Left out: as it '
-        'came.', '0 deg'))
-    speed: float | None = field(default=None, metadata=in_file(
-        units.POSITIVE_LINEAR_VELOCITY,
-        'Drive no faster than this.  Left out: as fast as the limits allow.', '0.2 m/s'))
+    heading: float | None = field(default=None, metadata=HEADING)
+    speed: float | None = field(default=None, metadata=SPEED)
 
     def __post_init__(self) -> None:
         """
@@ -116,12 +119,8 @@ class Waypoints(Step):
     points: tuple[Point, ...] = field(metadata=in_file(
         PointList(), 'Where to, in order: x is ahead and y is to the left of where the motion '
         'began.', [['1 m', '0 m'], ['1 m', '1 m']]))
-    heading: float | None = field(default=None, metadata=in_file(
-        units.ANGLE, 'Where to look then, seen from where the motion began.  Left out: as it '
-        'came.', '0 deg'))
-    speed: float | None = field(default=None, metadata=in_file(
-        units.POSITIVE_LINEAR_VELOCITY,
-        'Drive no faster than this.  Left out: as fast as the limits allow.', '0.2 m/s'))
+    heading: float | None = field(default=None, metadata=HEADING)
+    speed: float | None = field(default=None, metadata=SPEED)
     corners: float | None = field(default=None, metadata=in_file(
         units.TOLERANCE, 'How far it may pass the points between, to drive through them without '
         'a stop.  Left out: as the motion says.', '10 cm'))

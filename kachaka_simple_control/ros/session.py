@@ -40,9 +40,10 @@ from kachaka_simple_control.control.stop import StopController
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.files.robot_profile import RobotProfile
+from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.plan import DriveOrder, Plan
+from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.ros.executors import BackgroundExecutor
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
@@ -484,7 +485,7 @@ class Session:
 
     def _unconfirmed(self) -> str | None:
         """
-        Return an error text if odometry still shows motion after a stop; None if it does not.
+        Return an error text if odometry still shows motion after a stop, else None.
 
         Also return None if this node did not have control of the robot, or if another program now
         sends velocities to the robot: this node did not cause the motion then.

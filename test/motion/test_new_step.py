@@ -32,10 +32,10 @@ from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import dump, loads, motion_schema
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.geometry import Displacement
+from kachaka_simple_control.motion.path_segment import PathSegment
 from kachaka_simple_control.motion.plan import find_errors, plan
 from kachaka_simple_control.motion.step_base import in_file, KINDS
 from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Step, Wait
-from kachaka_simple_control.motion.trajectory import PathSegment
 from kachaka_simple_control.motion.units import format_number, LENGTH, POSITIVE_LINEAR_VELOCITY
 from kachaka_simple_control.report.report_program import write_report
 from kachaka_simple_control.report.text_tables import drive_table, plan_table

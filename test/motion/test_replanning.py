@@ -18,12 +18,12 @@ import math
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.trajectory import limits_along, PathSegment, ProfiledPath
+from kachaka_simple_control.motion.path_segment import limits_along, PathSegment
+from kachaka_simple_control.motion.replanning import replan_through, replan_to_rest
+from kachaka_simple_control.motion.trajectory import ProfiledPath
 from kachaka_simple_control.motion.velocity_profile import (
     PathLimits,
     PathState,
-    replan_through,
-    replan_to_rest,
     time_optimal_profile,
 )
 from optional_libraries import optional_imports

@@ -27,12 +27,13 @@ LABELS = (
     'none-reached', 'both-reached', 'one-reached', 'mean', 'means-keep', 'along', 'chord',
     'change', 'rest-of-path', 'clock', 'calibration', 'odometry-calibration',
     'feedback-error', 'feedback', 'corner', 'corner-arcs', 'corner-size', 'arc-part',
-    'smaller-circle', 'joint-gap', 'joint-ends')
+    'smaller-circle', 'transition-gap', 'transition-ends')
 #: Which file carries which of them out.
 CITED = {
-    'velocity_profile.py': {2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15, 16},
-    'trajectory.py': {13, 17},
-    'corner.py': {22, 23, 24}, 'chain.py': {25}, 'arc_group.py': {26}, 'joint.py': {27, 28},
+    'velocity_profile.py': {2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12},
+    'replanning.py': {15, 16},
+    'path_segment.py': {13, 17},
+    'corner.py': {22, 23, 24}, 'chain.py': {25}, 'arc_group.py': {26}, 'transition.py': {27, 28},
     'geometry.py': {14}, 'calibration.py': {18, 19},
     '../control/pose_feedback.py': {20, 21}}
 

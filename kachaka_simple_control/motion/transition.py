@@ -12,36 +12,35 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Plan a joint: between a line and an arc, or between two arcs, the robot drives on without a stop.
+Plan a transition: the way from a line to an arc, or from an arc to another one, without a stop.
 
 The curvature of the path jumps where a line meets an arc, but the angular velocity of a robot
 cannot jump.  So the arcs are driven on slightly smaller circles.  This leaves a gap between a
-circle and its neighbour, and the joint bridges the gap: the linear velocity is constant, and the
-angular velocity changes along one ramp.
+circle and its neighbour, and the transition bridges the gap: the linear velocity is constant, and
+the angular velocity changes along one ramp.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 import math
 from typing import NamedTuple
 
 from kachaka_simple_control.motion.chain import ARC_SHARE, Axis, ChainPath
-from kachaka_simple_control.motion.corner import largest_part
 from kachaka_simple_control.motion.geometry import sinc, Velocity
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.roots import largest_part, root
 from kachaka_simple_control.motion.velocity_profile import Ramp, ramp
 
-#: A joint lasts at least this part of the longest duration of an arc of a chain, so that no
+#: A transition lasts at least this part of the longest duration of an arc of a chain, so that no
 #: message is much shorter than the others.
 SHORTEST = 0.5
 #: The second difference of what is sent may exceed the limit of the jerk by this fraction, where a
 #: message is shorter than the one before it.
 UNEQUAL_JERK = 0.01
-#: A joint takes at most this angle from each arc [rad].  For larger angles, the width of the gap
-#: would no longer grow with the duration of the joint.
+#: A transition takes at most this angle from each arc [rad].  For larger angles, the width of the
+#: gap would no longer grow with the duration of the transition.
 LARGEST_ANGLE = 1.4
 #: With this number of arcs a chain is nearly a smooth curve.  Its length differs from the length
 #: of the smooth curve by less than ``SMOOTH_SHARE``.
@@ -49,8 +48,6 @@ SMOOTH_COUNT = 64
 SMOOTH_SHARE = 1e-3
 #: How many different ramps are remembered.
 REMEMBERED = 4096
-#: How often a root is improved at most; about ten times are enough for the last bit.
-ROOT_STEPS = 100
 
 
 class Circle(NamedTuple):
@@ -72,7 +69,7 @@ class Circle(NamedTuple):
 
 class Replaced(NamedTuple):
     """
-    How much of the two neighbours a joint replaces.
+    How much of the two neighbours a transition replaces.
 
     A value is negative if the neighbour becomes longer.
 
@@ -88,10 +85,10 @@ class Replaced(NamedTuple):
 @dataclass(frozen=True)
 class Bend:
     """
-    The form of a joint: which curves it connects, and how the angular velocity changes in it.
+    The form of a transition: which curves it connects, and how the angular velocity changes in it.
 
-    :param one: the line or circle before the joint
-    :param two: the line or circle after the joint
+    :param one: the line or circle before the transition
+    :param two: the line or circle after the transition
     :param easing: the part of the duration in which the angular acceleration rises, and in which
         it falls again, from 0 to 1/2
     :param rate: the rate of the plan [Hz]
@@ -153,7 +150,7 @@ class Bend:
 
     def duration(self, speed: float, count: int | None = None) -> tuple[float, int] | None:
         """
-        Return the duration with which the joint bridges the gap [s], and the number of arcs.
+        Return the duration with which the transition bridges the gap [s], and the number of arcs.
 
         :param speed: the linear velocity [m/s]
         :param count: the number of arcs; None for the least number that the rate of the plan
@@ -163,7 +160,7 @@ class Bend:
         change = abs(self.two.curvature - self.one.curvature)
         largest = 2.0 * LARGEST_ANGLE / (
             speed * max(abs(self.one.curvature), abs(self.two.curvature)))
-        # The gap of a smooth joint grows with the square of its duration, for short durations.
+        # The gap of a short, smooth transition grows with the square of the duration.
         missing = -self.gap(speed, 0.0, 1)
         if missing <= 0.0:
             return None
@@ -177,7 +174,7 @@ class Bend:
                 if high > 2.0 * largest:
                     return None
                 high *= 1.3
-            time = _root(above, 0.0, high, -missing, value)
+            time = root(above, 0.0, high, -missing, value)
             if count or time <= arcs * ARC_SHARE / self.rate * (1.0 + 1e-9):
                 return time, arcs
             arcs = max(arcs + 1, arc_count(time, self.rate))
@@ -210,13 +207,13 @@ class Bend:
         return x - two * math.sin(angle), y + two * math.cos(angle) - one
 
 
-class Joint(NamedTuple):
+class Transition(NamedTuple):
     """
-    A joint that the robot can drive without a stop.
+    A transition that the robot can drive without a stop.
 
     :param bend: its form
     :param speed: the largest linear velocity [m/s]; each lower one is possible too
-    :param spare: by which factor the joint takes longer than the angular limits need
+    :param spare: by which factor the transition takes longer than the angular limits need
     :param length: its length [m]
     :param before: the largest length of the first neighbour that it replaces at any speed [m]
     :param after: the largest length of the second neighbour that it replaces at any speed [m]
@@ -230,13 +227,13 @@ class Joint(NamedTuple):
     after: float
 
 
-def joint_path(
+def transition_path(
         bend: Bend, speed: float, direction: float, limits: Limits) -> tuple[ChainPath, Replaced]:
     """
-    Return the path of a joint, and how much of its neighbours it replaces.
+    Return the path of a transition, and how much of its neighbours it replaces.
 
-    :param bend: the form of the joint
-    :param speed: the linear velocity [m/s], at most that of the joint
+    :param bend: the form of the transition
+    :param speed: the linear velocity [m/s], at most that of the transition
     :param direction: 1 forwards, -1 backwards
     :param limits: the limits of the robot
     """
@@ -252,7 +249,7 @@ def joint_path(
 
 def turn_ramp(change: float, limits: Axis, jerk: float, rate: float) -> Ramp:
     """
-    Return the fastest symmetrical ramp of the angular velocity in a joint.
+    Return the fastest symmetrical ramp of the angular velocity in a transition.
 
     :param change: the change of the angular velocity [rad/s], not negative
     :param limits: the limits of the angular acceleration; the smaller one counts
@@ -262,9 +259,9 @@ def turn_ramp(change: float, limits: Axis, jerk: float, rate: float) -> Ramp:
     quickest = ramp(change, min(limits), jerk)
     if jerk == math.inf or not change:
         return quickest
-    # The messages of a joint are shorter than those of an arc beside it.  If the jerk has its
+    # The messages of a transition are shorter than those of an arc beside it.  If the jerk has its
     # limit on both sides, the second difference of the messages is above the limit, by up to
-    # total - 1.  So that at most UNEQUAL_JERK remains, the jerk in the joint is a little lower.
+    # total - 1.  The jerk in the transition is lower, so that at most UNEQUAL_JERK remains.
     count = arc_count(1.05 * quickest.duration, rate)
     tick = min(max(quickest.duration * rate / count, SHORTEST * ARC_SHARE), ARC_SHARE)
     width = (1.0 + 3.0 * tick) / 4.0
@@ -279,19 +276,19 @@ def arc_count(duration: float, rate: float) -> int:
     return max(1, math.ceil(duration * rate / ARC_SHARE * (1.0 - 1e-9)))
 
 
-def plan_joint(
+def plan_transition(
         one: Circle, two: Circle, speed: float, limits: Axis, jerk: float,
-        rate: float, most: int | None = None) -> Joint | None:
+        rate: float, most: int | None = None) -> Transition | None:
     """
-    Return the fastest joint between two curves.
+    Return the fastest transition between two curves.
 
-    :param one: the line or circle before the joint
-    :param two: the line or circle after the joint, with another curvature
+    :param one: the line or circle before the transition
+    :param two: the line or circle after the transition, with another curvature
     :param speed: the largest linear velocity that is useful [m/s]
     :param limits: the limits of the angular acceleration
     :param jerk: the limit of the angular jerk [rad/s^3]
     :param rate: the rate of the plan [Hz]
-    :param most: estimate the joint with at most this number of arcs; None for the exact joint
+    :param most: estimate the transition with at most this number of arcs; None for the exact one
     :returns: None if no gap is left between the curves
     """
     change = abs(two.curvature - one.curvature)
@@ -330,7 +327,7 @@ def plan_joint(
     length = smooth[0] * chosen
     lost = bend.replaced(chosen, *smooth)
     margin = SMOOTH_SHARE * length
-    return Joint(
+    return Transition(
         bend, chosen, found[0] / shortest, length,
         lost.before / (abs(one.curvature) or 1.0) + margin,
         lost.after / (abs(two.curvature) or 1.0) + margin)
@@ -348,38 +345,3 @@ def _means(easing: float, count: int) -> tuple[float, ...]:
     half = count // 2
     middle = (0.5,) if count % 2 else ()
     return (*means[:half], *middle, *(1.0 - mean for mean in reversed(means[:half])))
-
-
-def _root(
-        function: Callable[[float], float], low: float, high: float, below: float,
-        above: float) -> float:
-    """
-    Return where a function changes its sign, to the last bits.
-
-    The method is regula falsi with the Illinois rule.
-
-    :param function: the function
-    :param low: a place where the function is negative
-    :param high: a place where the function is not negative
-    :param below: the value at ``low``
-    :param above: the value at ``high``
-    """
-    best, least, last = high, above, 0
-    for _ in range(ROOT_STEPS):
-        if not least:
-            break
-        guess = low + (high - low) * (below / (below - above))
-        if not low < guess < high:
-            break
-        value = function(guess)
-        if abs(value) <= abs(least):
-            best, least = guess, value
-        if value < 0.0:
-            low, below = guess, value
-            above = above / 2.0 if last < 0 else above
-            last = -1
-        else:
-            high, above = guess, value
-            below = below / 2.0 if last > 0 else below
-            last = 1
-    return best

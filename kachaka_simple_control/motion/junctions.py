@@ -11,16 +11,17 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The places where the legs of a flow meet: corners, and joints of arcs."""
+"""Junctions: the places where the legs of a flow meet, at a corner or at the end of an arc."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import TypeAlias
 
 from kachaka_simple_control.motion.corner import Corner, CornerTurn, plan_corner
-from kachaka_simple_control.motion.joint import Joint
 from kachaka_simple_control.motion.leg_speeds import Passed
+from kachaka_simple_control.motion.transition import Transition
 
 #: How many different corners are remembered: more than a motion usually has.
 REMEMBERED = 4096
@@ -31,7 +32,7 @@ _plan_corner = lru_cache(REMEMBERED)(plan_corner)
 
 
 @dataclass
-class CornerJoint:
+class CornerJunction:
     """
     The place where two lines meet.
 
@@ -96,29 +97,29 @@ class CornerJoint:
 
 
 @dataclass
-class ArcJoint:
+class ArcJunction:
     """
     The place where an arc meets a line or another arc.
 
-    :param joint: the joint; None if the robot stops, or goes on with the same curvature
+    :param transition: the transition; None if the robot stops, or goes on with the same curvature
     :param speed: the linear velocity there [m/s]; 0 for a stop
     """
 
-    joint: Joint | None
+    transition: Transition | None
     speed: float
 
     @property
     def before(self) -> float:
-        """Return how much of the leg before it the joint replaces at most [m]."""
-        return self.joint.before if self.joint else 0.0
+        """Return how much of the leg before it the transition replaces at most [m]."""
+        return self.transition.before if self.transition else 0.0
 
     @property
     def after(self) -> float:
-        """Return how much of the leg after it the joint replaces at most [m]."""
-        return self.joint.after if self.joint else 0.0
+        """Return how much of the leg after it the transition replaces at most [m]."""
+        return self.transition.after if self.transition else 0.0
 
     def passed(self, speed: float) -> Passed:
-        """Return how the joint is passed with at most a speed [m/s]."""
+        """Return how the junction is passed with at most a speed [m/s]."""
         return Passed(speed, self.before, self.after)
 
     def slow_down(self, speed: float) -> None:
@@ -126,11 +127,16 @@ class ArcJoint:
         self.speed = speed
 
 
-def corners_of(one: CornerJoint | ArcJoint, two: CornerJoint | ArcJoint) -> list[CornerJoint]:
-    """Return which of two joints are corners that are cut, the second one first."""
-    return [joint for joint in (two, one) if isinstance(joint, CornerJoint) and joint.corner]
+#: Either kind of junction.
+Junction: TypeAlias = CornerJunction | ArcJunction
 
 
-def corner_of(one: CornerJoint | ArcJoint, two: CornerJoint | ArcJoint) -> CornerJoint | None:
-    """Return the joint that can shrink: the second if it is a corner, else the first if it is."""
+def corners_of(one: Junction, two: Junction) -> list[CornerJunction]:
+    """Return which of two junctions are corners that are cut, the second one first."""
+    return [junction for junction in (two, one)
+            if isinstance(junction, CornerJunction) and junction.corner]
+
+
+def corner_of(one: Junction, two: Junction) -> CornerJunction | None:
+    """Return the corner that can shrink: the second junction if it is one, else the first one."""
     return next(iter(corners_of(one, two)), None)

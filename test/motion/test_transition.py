@@ -34,10 +34,10 @@ from hypothesis import strategies as st
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.motion.chain import Axis, ChainPath
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose
-from kachaka_simple_control.motion.joint import Circle, plan_joint
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Turn
+from kachaka_simple_control.motion.transition import Circle, plan_transition
 import pytest
 from strategies import spread
 
@@ -202,8 +202,8 @@ def driven(planned: Plan, chance: random.Random) -> list[Message]:
 def test_a_wider_gap_makes_a_joint_faster(radius, offset, speed):
     line, circle = Circle(0.0), Circle(1.0 / (radius - offset), 0.0, radius)
     for pair in ((line, circle), (circle, line)):
-        joint = plan_joint(*pair, 1.0, KACHAKA_TURNING, KACHAKA.max_angular_jerk, 20.0)
-        assert joint.speed == pytest.approx(speed, abs=0.006)
+        transition = plan_transition(*pair, 1.0, KACHAKA_TURNING, KACHAKA.max_angular_jerk, 20.0)
+        assert transition.speed == pytest.approx(speed, abs=0.006)
 
 
 @settings(max_examples=100, deadline=None)
@@ -215,17 +215,17 @@ def test_a_joint_replaces_no_more_than_it_says(radii, sides, share, part, rate, 
     one, two = (Circle(side / (radius - share * min(radii) ** 2 / radius), 0.0, side * radius)
                 for side, radius in zip(sides, radii))
     for pair in ((Circle(0.0), two), (one, Circle(0.0)), (one, two)):
-        joint = pair[0] != pair[1] and plan_joint(
+        transition = pair[0] != pair[1] and plan_transition(
             *pair, 0.5, turning, limits.max_angular_jerk, rate)
-        if not joint:
+        if not transition:
             continue
-        for speed in (joint.speed, part * joint.speed):
-            time, count = joint.bend.duration(speed)
-            lost = joint.bend.replaced(speed, time, count)
-            assert abs(joint.bend.gap(speed, time, count)) < 1e-12
+        for speed in (transition.speed, part * transition.speed):
+            time, count = transition.bend.duration(speed)
+            lost = transition.bend.replaced(speed, time, count)
+            assert abs(transition.bend.gap(speed, time, count)) < 1e-12
             assert time * rate / count <= math.sqrt(0.5) * (1.0 + 1e-6)
-            assert lost.before / (abs(pair[0].curvature) or 1.0) <= joint.before
-            assert lost.after / (abs(pair[1].curvature) or 1.0) <= joint.after
+            assert lost.before / (abs(pair[0].curvature) or 1.0) <= transition.before
+            assert lost.after / (abs(pair[1].curvature) or 1.0) <= transition.after
 
 
 def duration(steps, corners: float) -> float:
