@@ -20,9 +20,8 @@ from typing import NamedTuple
 
 from kachaka_simple_control.motion.chain import ChainPath
 from kachaka_simple_control.motion.flow import Cut
-from kachaka_simple_control.motion.geometry import Displacement
+from kachaka_simple_control.motion.flow_leg import FlowLeg
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
-from kachaka_simple_control.motion.trajectory import FlowLeg
 
 
 class CutCorner(NamedTuple):
@@ -50,18 +49,6 @@ def is_in_flow(step: PlannedStep) -> bool:
     :param step: the planned step
     """
     return any(isinstance(path, (ChainPath, FlowLeg)) for path in step.trajectories)
-
-
-def requested(step: PlannedStep) -> Displacement:
-    """
-    Return the displacement that a step requests: that of the step, or that planned in a flow.
-
-    In a flow, which the robot drives without a stop, corners replace parts of the legs.  So a leg
-    is shorter than its step says, and a turn has a length.
-
-    :param step: the planned step
-    """
-    return step.displacement if is_in_flow(step) else step.step.displacement
 
 
 def repetition_key(step: PlannedStep) -> Hashable:

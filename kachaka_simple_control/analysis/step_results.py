@@ -23,7 +23,6 @@ import math
 from operator import attrgetter
 
 from kachaka_simple_control.analysis.drive_log import StepLog
-from kachaka_simple_control.analysis.flows import requested
 from kachaka_simple_control.control.events import OdometryReceived, VelocitySent
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 
@@ -227,7 +226,7 @@ def step_results(
         return []
     cuts = segment_odometry(steps, odometry)
     results = [
-        StepResult(log.is_complete, requested(log.planned), sent(log.sent, command_timeout),
+        StepResult(log.is_complete, log.planned.displacement, sent(log.sent, command_timeout),
                    driven(odometry, begin, end), log, name)
         for log, name, (begin, end) in zip(steps, names, pairwise(cuts))]
     for flow in flow_ranges(steps):

@@ -19,7 +19,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from kachaka_simple_control.analysis.flows import requested
 from kachaka_simple_control.analysis.step_results import driven
 from kachaka_simple_control.control import events
 from kachaka_simple_control.control.speed_factor import is_hold, product
@@ -416,7 +415,7 @@ class DriveTracker:
             self._movement_count() if is_call else len(self._plan.steps),
             MOVEMENT if is_call else STEP,
             step.step.describe(), step.duration, max(0.0, step.end - max(elapsed, step.start)),
-            self._remaining(index, requested(step), now))
+            self._remaining(index, step.displacement, now))
 
     def _movement_count(self) -> int | None:
         count = None if self._session is None else self._session.movement_count

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What tables and paths show of a plan with corners that are driven without a stop."""
+"""Tables and paths of plans with corners that are driven without a stop."""
 
 from dataclasses import astuple
 from itertools import pairwise
@@ -24,7 +24,6 @@ from kachaka_simple_control.analysis.flows import (
     cut_corners,
     is_in_flow,
     repetition_key,
-    requested,
 )
 from kachaka_simple_control.analysis.paths import (
     arc_segments,
@@ -138,7 +137,7 @@ def test_the_legs_are_those_of_a_motion_with_stops(motion, rate):
 def test_what_a_step_of_a_flow_requests_is_what_is_planned_for_it():
     planned = plan(ROUNDED, GENTLE, 20.0)
     assert [is_in_flow(step) for step in planned.steps] == [True] * 7 + [False]
-    wanted = [requested(step) for step in planned.steps]
+    wanted = [step.displacement for step in planned.steps]
     assert [one.angle for one in wanted[1::2]] == [pytest.approx(QUARTER)] * 4
     # A leg and the two halves of its corners are shorter than the leg.
     assert wanted[0].distance == pytest.approx(0.252, abs=0.001)

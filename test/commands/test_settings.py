@@ -142,7 +142,7 @@ def test_corners_are_cut_by_what_wins(words, file, corners, overridden):
     assert lines == overridden
     driven = with_corners(parse(words.split()), loads(*file), chosen.corners)
     assert driven.motion.corners == corners
-    # What the file says is still known.
+    # The value of the file is kept, for the line about the override.
     assert driven.corners == loads(*file).corners
 
 
