@@ -232,7 +232,7 @@ class _Solver:
             group.offset = offset
         for _ in range(ROUNDS):
             transitions = [None if stop else self._transition(index, chosen.stops, None)
-                      for index, stop in enumerate(chosen.stops)]
+                           for index, stop in enumerate(chosen.stops)]
             if [transition is None for transition in transitions] != list(chosen.stops):
                 break
             # An exact transition can be longer than its estimate.
@@ -356,8 +356,9 @@ class _Solver:
             speeds.append(self._limits(index, 0).velocity)
         elif self.run.after:
             speeds.append(self.run.after.leg.limits.velocity)
-        return _plan_transition(one, two, min(speeds), self.run.turning,
-                           self.run.limits.max_angular_jerk, self.run.rate, most)
+        return _plan_transition(
+            one, two, min(speeds), self.run.turning, self.run.limits.max_angular_jerk,
+            self.run.rate, most)
 
     def _limits(self, index: int, arc: int) -> PathLimits:
         """Return the limits along the first arc (0) or the last arc (-1) of a circle."""

@@ -186,6 +186,14 @@ def test_a_step_shows_what_is_planned_for_it():
     assert corner.pose.y == pytest.approx(0.248, abs=1e-3)
 
 
+def test_a_corner_has_at_most_1_4_times_as_many_messages_as_the_rate():
+    planned = plan(Motion('corner', [Forward(0.5), Turn(QUARTER), Forward(0.5)], corners=0.05),
+                   KACHAKA, 20.0)
+    corner = planned.steps[1]
+    sent = [one for one in planned.segments if corner.start <= one.start < corner.end]
+    assert 20.0 * corner.duration < len(sent) <= 20.0 * math.sqrt(2.0) * corner.duration + 1.0
+
+
 def test_repeats_are_planned_once():
     """An hour of squares shares its velocities, and is planned in a moment."""
     motion = Motion('hour', [Repeat(480, [Forward(0.5), Turn(QUARTER)] * 4)], corners=0.05)
