@@ -216,7 +216,7 @@ class NullGuardian:
     """
 
     participants: frozenset[bytes] = frozenset()
-    is_matched = True
+    has_searched = is_matched = True
     stopped_because: str | None = None
     shared_memory: tuple[int, int] | None = None
 
@@ -232,6 +232,10 @@ class NullGuardian:
         guardian has published on request.  The caller waits for this number.
         """
         self.prime_count += 1
+
+    def found_publishers(self, _: str) -> set[bytes]:
+        """Return an empty set, because there is no guardian that searches for publishers."""
+        return set()
 
     def heartbeat(self) -> None:
         """Do nothing, because there is no guardian: no separate process checks heartbeats."""
@@ -285,6 +289,22 @@ class Guardian:
         more ROS node, which has its own participant.
         """
         return self._process.participants
+
+    @property
+    def has_searched(self) -> bool:
+        """Whether the guardian's search for velocity publishers is over, or the guardian ended."""
+        return self._process.has_searched or self._process.has_ended
+
+    def found_publishers(self, topic: str) -> set[bytes]:
+        """
+        Return the DDS participants for which the guardian's search has found a velocity publisher.
+
+        The guardian is a separate process.  It searches once, at its start.
+
+        :param topic: the topic of the publishers, after remapping
+        """
+        return {participant for participant, name in self._process.found_publishers
+                if name == topic}
 
     @property
     def shared_memory(self) -> tuple[int, int] | None:
@@ -397,6 +417,10 @@ class GuardianProcess:
     def __init__(self, command: Sequence[str], environment: dict[str, str]) -> None:
         #: DDS participants of the guardian; several if it has joined the graph again
         self.participants: set[bytes] = set()
+        #: velocity publishers that the search at the start has found: DDS participant and topic
+        self.found_publishers: set[tuple[bytes, str]] = set()
+        #: whether this search is over
+        self.has_searched = False
         #: whether the process has ended
         self.has_ended = False
         self._guardians: dict[int, Guardian] = {}
@@ -512,8 +536,15 @@ class GuardianProcess:
                 if word == 'participant':
                     self.participants.add(bytes.fromhex(value))
                     continue
+                if word == 'searched':
+                    self.has_searched = True
+                    continue
                 number, _, value = value.partition(' ')
-                guardian = self._guardians.get(int(number))
+                if word == 'publisher':
+                    self.found_publishers.add((bytes.fromhex(number), value))
+                    continue
+                # Fast DDS may print a message of its own.
+                guardian = self._guardians.get(int(number)) if number.isdigit() else None
                 if guardian is not None:
                     guardian.on_report(word, value)
         self.has_ended = True

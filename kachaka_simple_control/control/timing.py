@@ -153,6 +153,18 @@ REST_TIMEOUT = 1.0
 #: How long to wait if the odometry topic of the robot is not in the graph yet.  Discovery delivers
 #: all topics of a participant within some milliseconds.  Fast DDS repeats a lost message after
 #: 0.35 s.
+#: How long the search for velocity publishers takes after its node has joined the graph.  In this
+#: time the node joins three times.  Measured: all of 40 nodes found a publisher within 0.38 s.
+PUBLISHER_SEARCH_TIME = 0.55
+#: How long to wait for the end of the search.  Chosen: on a busy machine the guardian starts late.
+PUBLISHER_SEARCH_TIMEOUT = 3.0
+#: How often the node of the search joins the graph, and the time without an announcement after
+#: which other participants forget it.  Chosen: they answer a node which they have forgotten.
+SEARCH_JOIN_PERIOD = 0.25
+SEARCH_LEASE_TIME = 0.15
+#: How long to wait until this node has discovered a publisher that the search has found.  Fast DDS
+#: announces each participant at least every 3 s.
+DISCOVERY_TIMEOUT = 3.5
 ODOMETRY_WAIT_TIME = 0.5
 #: A message sent earlier than this before a subscription begins does not reach the subscription.
 #: Chosen.  Through shared memory, which the commands do not use, 0.33 s were measured.

@@ -15,11 +15,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+import contextlib
 import gc
 import os
 from pathlib import Path
 import re
+import tempfile
 
+from kachaka_simple_control.control.timing import SEARCH_JOIN_PERIOD, SEARCH_LEASE_TIME
 from kachaka_simple_control.errors import UsageError
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -36,6 +40,9 @@ HUMBLE = (2, 6)
 CHOICES = (RANGE, PEERS, LOCALHOST_ONLY, TRANSPORTS, *PROFILES.values())
 #: Our XML profiles: UDP without shared memory, to all machines or to this machine only.
 UDP, LOOPBACK = (Path(__file__).with_name(name) for name in ('udp.xml', 'loopback.xml'))
+
+#: Matches the part of a profile that says how often a participant announces itself.
+ANNOUNCEMENTS = re.compile('<leaseAnnouncement>.*</initialAnnouncements>', re.DOTALL)
 
 
 def use_udp_transport() -> None:
@@ -93,6 +100,42 @@ def use_localhost_only() -> None:
         os.environ[RANGE] = 'LOCALHOST'
     else:
         os.environ[RANGE] = 'SUBNET'
+
+
+@contextlib.contextmanager
+def repeated_joining() -> Iterator[None]:
+    """
+    Make nodes join the ROS graph again every SEARCH_JOIN_PERIOD (0.25 s), as a context manager.
+
+    Create the first node of the process in the block.  All later nodes of this process do the
+    same.  Such a node can only search, because other participants match its publishers and
+    subscriptions only for a moment.  There is no effect with the Fast DDS version of Humble, with
+    another DDS implementation, or if the user chose a transport.
+
+    The reason: Fast DDS announces a participant before it listens.  Other participants answer each
+    new participant once.  If the answer comes too early, it is lost, and the next announcement of
+    the others comes up to 3 s later.
+    """
+    # The other participants forget this one after SEARCH_LEASE_TIME, and answer it again at its
+    # next announcement, when it listens.
+    name = next((name for name in PROFILES.values()
+                 if os.environ.get(name) in (str(UDP), str(LOOPBACK))), None)
+    if name is None:
+        yield
+        return
+    profile = ANNOUNCEMENTS.sub(
+        f'<leaseDuration>{_seconds(SEARCH_LEASE_TIME)}</leaseDuration>'
+        # Fast DDS refuses a period that is not shorter than the lease, but not for the
+        # announcements at the start.  These last longer than the search.
+        f'<leaseAnnouncement>{_seconds(SEARCH_LEASE_TIME / 2.0)}</leaseAnnouncement>'
+        '<initialAnnouncements><count>100</count>'
+        f'<period>{_seconds(SEARCH_JOIN_PERIOD)}</period></initialAnnouncements>',
+        Path(os.environ[name]).read_text())
+    with tempfile.NamedTemporaryFile('w', suffix='.xml') as file:
+        file.write(profile)
+        file.flush()
+        os.environ[name] = file.name
+        yield
 
 
 def start_on_this_machine(own: object) -> None:
@@ -178,6 +221,11 @@ def _use_profile(profile: Path) -> bool:
         return False
     os.environ[PROFILES[version[0]]] = str(profile)
     return True
+
+
+def _seconds(duration: float) -> str:
+    """Return a duration [s] of less than a second, as Fast DDS profiles write it."""
+    return f'<sec>0</sec><nanosec>{round(duration * 1e9)}</nanosec>'
 
 
 def _is_humble() -> bool:

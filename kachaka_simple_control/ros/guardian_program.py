@@ -47,6 +47,7 @@ from kachaka_simple_control.control.watchdog import GuardianMessage, Watchdog
 from kachaka_simple_control.errors import HELD_UP_ADVICE
 from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.ros.endpoints import own_participant
+from kachaka_simple_control.ros.publisher_search import start_publisher_search
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.context import Context
 from rclpy.node import Node
@@ -424,6 +425,7 @@ def main(args: Sequence[str] | None = None) -> int:
     for name in ('domain', 'messages', 'robots', 'shared'):
         parser.add_argument(name, type=int)
     options = parser.parse_args(args)
+    start_publisher_search(options.domain, _report)
     signals = _handle_signals()
     nodes = GuardianNodes(lambda: GuardianNode(
         options.domain, lambda participant: _report(f'participant {participant.hex()}')))

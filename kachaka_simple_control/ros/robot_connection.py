@@ -133,6 +133,8 @@ class RobotConnection:
         # Take the claim before any message or request is sent.
         self.claim.take(check)
         try:
+            if not self.parameters.allow_other_publishers:
+                self.discovery.wait_for_publishers(check)
             self.foreign.require_none(check)
             if not self.parameters.allow_other_publishers:
                 self._require_at_rest(check)

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
+from kachaka_simple_control.control.timing import DISCOVERY_TIMEOUT, PUBLISHER_SEARCH_TIMEOUT
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError
 from kachaka_simple_control.ros.endpoints import incompatibility, own_participant, participants
@@ -112,6 +113,28 @@ class RobotDiscovery:
             raise RobotNotFoundError(self._not_found(timeout) if self._problem() else (
                 f'the guardian has matched no subscriber within {timeout:g} s, so nothing moved; '
                 'the parameter guardian:=false drives without one'))
+
+    def wait_for_publishers(self, check: Callable[[], None]) -> None:
+        """
+        Wait until this node has discovered the publishers that the guardian's search has found.
+
+        The guardian is a separate process.  At its start it searches for velocity publishers.
+        This node may discover another program up to 3 s later than the search.  Only after that
+        can this node receive the velocities of the other program.  If a publisher has left
+        meanwhile, the wait ends after DISCOVERY_TIMEOUT (3.5 s).
+
+        :param check: a function that is called repeatedly while waiting; it may raise an exception
+            to end the wait
+        """
+        topic = self._publisher.topic_name
+
+        def has_discovered_all() -> bool:
+            own = {self._participant, *self._guardian.participants}
+            return self._guardian.found_publishers(topic) - own <= set(participants(
+                self._node.get_publishers_info_by_topic(topic)))
+
+        wait_until(lambda: self._guardian.has_searched, PUBLISHER_SEARCH_TIMEOUT, check)
+        wait_until(has_discovered_all, DISCOVERY_TIMEOUT, check)
 
     def check_subscribed(self) -> None:
         """

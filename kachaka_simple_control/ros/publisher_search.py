@@ -1,0 +1,84 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Find all velocity publishers in the ROS graph within half a second of the program's start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import os
+import signal
+import time
+
+from kachaka_simple_control.control.timing import PUBLISHER_SEARCH_TIME
+from kachaka_simple_control.ros.dds_transport import repeated_joining
+from kachaka_simple_control.ros.endpoints import participants
+from rclpy.context import Context
+from rclpy.node import Node
+
+#: How often the search looks at the graph [s].  Chosen.
+SEARCH_PERIOD = 0.02
+#: The types of velocity messages.
+VELOCITY_TYPES = ('geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped')
+
+
+def start_publisher_search(domain: int, report: Callable[[str], None]) -> None:
+    """
+    Search for velocity publishers in a child process of this process.
+
+    The child process reports each publisher with a line ``publisher PARTICIPANT TOPIC``, where the
+    DDS participant is hexadecimal.  At its end it reports ``searched``.  It ends at the latest
+    after PUBLISHER_SEARCH_TIME (0.55 s), and early if this process ends.
+
+    The reason for the search: a new DDS participant may discover another participant up to 3 s
+    late.  Then this program could take a robot that another program drives.  The node of the
+    search joins the graph again and again, so it discovers all others in time.  It cannot send
+    velocities itself, because other participants forget it each time.
+
+    Call this function before this process uses DDS and before it starts threads.  The search has
+    its own process because Fast DDS reads its profile only once in a process.
+
+    :param domain: the number of the ROS domain
+    :param report: a function that reports a line; it is called in the child process
+    """
+    parent = os.getpid()
+    # The system removes the child process after its end.
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    if os.fork() != 0:
+        return
+    try:
+        _search(domain, report, lambda: os.getppid() == parent)
+    finally:
+        report('searched')
+        os._exit(0)  # without the exit functions of the parent
+
+
+def _search(domain: int, report: Callable[[str], None], is_wanted: Callable[[], bool]) -> None:
+    context = Context()
+    context.init(args=[], domain_id=domain)
+    with repeated_joining():
+        node = Node(
+            f'_publisher_search_{os.getpid()}', context=context, use_global_arguments=False,
+            enable_rosout=False, start_parameter_services=False)
+    end, found = time.monotonic() + PUBLISHER_SEARCH_TIME, set[tuple[str, bytes]]()
+    while time.monotonic() < end and is_wanted():
+        time.sleep(SEARCH_PERIOD)
+        publishers = {
+            (topic, participant)
+            for topic, types in node.get_topic_names_and_types() if set(types) & {*VELOCITY_TYPES}
+            for participant in participants(node.get_publishers_info_by_topic(topic))}
+        for topic, participant in publishers - found:
+            report(f'publisher {participant.hex()} {topic}')
+        found |= publishers
+    node.destroy_node()
+    context.try_shutdown()

@@ -1,0 +1,144 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The search for velocity publishers, which finds those that a new node would find late."""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+
+from kachaka_simple_control.control.guardian import GuardianProcess
+from kachaka_simple_control.control.processes import child_environment, python_command
+from kachaka_simple_control.control.velocity_gate import GateState
+from optional_libraries import MISSING, optional_imports
+import pytest
+from waiting import wait_until
+
+dds_transport = robot_discovery = MISSING
+with optional_imports():
+    from kachaka_simple_control.ros import dds_transport, robot_discovery
+
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
+
+TOPIC = '/kachaka/manual_control/cmd_vel'
+#: Another program: it joins the graph as its user would start it, and has a publisher.
+OTHER = f"""
+import sys
+from geometry_msgs.msg import Twist
+import rclpy
+rclpy.init()
+node = rclpy.create_node('other')
+publisher = node.create_publisher(Twist, '{TOPIC}', 10)
+print(flush=True)
+sys.stdin.read()
+"""
+#: How many searches must find the publisher, one after the other.  A plain node of Fast DDS finds
+#: it in time with a probability of about 0.3, so ten of ten are no accident.
+SEARCHES = 10
+
+
+@pytest.fixture
+def other():
+    """Run another program with a velocity publisher."""
+    with subprocess.Popen([sys.executable, '-c', OTHER], env=child_environment(),
+                          stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
+        program.stdout.readline()
+        # Its own first announcements are over: from now on a newcomer depends on an answer.
+        time.sleep(1.0)
+        yield program
+        program.stdin.close()
+        program.wait(10.0)
+
+
+@pytest.fixture
+def domain():
+    """Return the domain of this test."""
+    return int(os.environ['ROS_DOMAIN_ID'])
+
+
+@pytest.fixture
+def connection(make):
+    """Return how a node gets control of its robot, while a search has found a program."""
+    session = make(robot_timeout=5.0).session
+    session._discovery._guardian = Search()
+    return session._connection
+
+
+class Search:
+    """Stands for a guardian that has found a publisher which this node never discovers."""
+
+    participants = frozenset()
+    has_searched = is_matched = True
+
+    def found_publishers(self, topic):
+        """Return a participant that is not there."""
+        return {b'participant!'} if topic == TOPIC else set()
+
+
+def search(domain):
+    """Run a guardian until its search is over; return the participants of others that it found."""
+    with tempfile.TemporaryFile() as claim:
+        process = GuardianProcess(
+            [*python_command('kachaka_simple_control.ros.guardian_program'), str(domain)],
+            child_environment())
+        guardian = process.add(TOPIC, 0.3, 'Twist', 'base_link', claim.fileno())
+        wait_until(lambda: guardian.has_searched)
+        found = guardian.found_publishers(TOPIC) - process.participants
+        guardian.shutdown()
+    return found
+
+
+@pytest.mark.slow
+def test_each_search_finds_the_publisher_of_another_program(other, domain, monkeypatch):
+    if dds_transport._fast_dds() in (None, dds_transport.HUMBLE):
+        pytest.skip('needs Fast DDS 2.14 or later')
+    for name in dds_transport.PROFILES.values():
+        monkeypatch.delenv(name, raising=False)
+    dds_transport.use_udp_transport()
+    found = [search(domain) for _ in range(SEARCHES)]
+    assert [len(one) for one in found] == [1] * SEARCHES
+    assert len(set.union(*found)) == 1
+
+
+def test_a_search_that_finds_nobody_says_that_it_is_over(domain):
+    assert search(domain) == set()
+
+
+def test_nothing_is_sent_before_all_that_was_found_is_discovered(listener, connection):
+    def check():
+        if listener.received or connection.gate.state is not GateState.NOT_OPENED:
+            raise AssertionError('too soon')
+        if time.monotonic() > end:
+            raise InterruptedError
+
+    end = time.monotonic() + 2.0  # a publisher is discovered within 3 s
+    with pytest.raises(InterruptedError):
+        connection.take(check)
+    assert not listener.received
+
+
+def test_a_publisher_that_has_left_keeps_nobody_waiting_for_long(
+        listener, connection, monkeypatch):
+    monkeypatch.setattr(robot_discovery, 'DISCOVERY_TIMEOUT', 0.3)
+    connection.take(lambda: None)
+    assert listener.received
+
+
+def test_with_others_allowed_nobody_waits_for_them(listener, make):
+    session = make(allow_other_publishers=True).session
+    session._discovery._guardian = Search()
+    began = time.monotonic()
+    session._connection.take(lambda: None)
+    assert time.monotonic() - began < robot_discovery.DISCOVERY_TIMEOUT
