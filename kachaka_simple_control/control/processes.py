@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import contextlib
+from functools import partial
 import os
 from pathlib import Path
 import sys
@@ -30,6 +31,9 @@ MAIN_CODE = (
 PACKAGE = Path(__file__).resolve().parent.parent
 #: The states of a Linux process that a signal or a debugger has stopped.
 STOPPED_STATES = ('T', 't')
+#: Returns the time since the machine was started [s], including the time in suspend.  The steady
+#: clock does not count the time in suspend.
+boottime = partial(time.clock_gettime, time.CLOCK_BOOTTIME)
 #: The increment of the nice value for a low priority.
 NICENESS = 10
 
@@ -55,15 +59,6 @@ def child_environment() -> dict[str, str]:
     entries = [Path(entry).resolve() for entry in sys.path]
     path = os.pathsep.join(str(entry) for entry in entries if entry != PACKAGE)
     return {**os.environ, 'PYTHONPATH': path}
-
-
-def boottime() -> float:
-    """
-    Return the time since the machine was started [s], including the time in suspend.
-
-    This clock differs from the steady clock, which does not count the time in suspend.
-    """
-    return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 def is_stopped(pid: int) -> bool:

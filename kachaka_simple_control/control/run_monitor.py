@@ -36,7 +36,6 @@ from kachaka_simple_control.control.timing import (
     HEARTBEAT_TIMEOUT,
     LEASE_RENEW_AT_REST,
     LEASE_RENEW_LATEST,
-    SUBSCRIBER_CHECK_PERIOD,
 )
 from kachaka_simple_control.errors import (
     HELD_UP_ADVICE,
@@ -110,9 +109,9 @@ class LeaseRenewer:
         """
         return now - self._requested >= LEASE_RENEW_AT_REST
 
-    def on_sent(self, now: float, rest: float) -> None:
+    def renew_if_due(self, now: float, rest: float) -> None:
         """
-        Request manual control again if it will expire soon; call this after each velocity.
+        Request manual control again if it will expire soon.
 
         Manual control is the mode in which the robot accepts velocities.  If possible, the new
         request is sent at rest: when the planned velocity will be zero until the response arrives.
@@ -120,7 +119,7 @@ class LeaseRenewer:
         motion.
 
         :param now: the time [s]
-        :param rest: how long the planned velocity stays zero from now on [s]; 0 if the robot moves
+        :param rest: how long the robot stays at rest from now on [s]; 0 if it moves
         """
         age = now - self._requested
         can_wait = rest >= self._response_timeout
@@ -250,6 +249,8 @@ class RunMonitor:
         self._feedback: PoseFeedback | None = None
         #: since when a speed factor of 0 has held the robot at rest [s]; None if it is not held
         self._held_since: float | None = None
+        #: until when the robot stays at rest, according to the newest velocity [s]
+        self._rest_end = float('-inf')
         #: whether a held robot may move again: the factor was set, and the checks allowed it
         self._is_released = False
         #: called with the reason if the robot stays held although the speed factor was set again
@@ -257,7 +258,7 @@ class RunMonitor:
         #: how far the robot was moved from outside while it was held
         self.pause_pose = PausePose()
         self._checked = float('-inf')
-        self._subscriber_checked = self._graph_counted = self._graph_checked = float('-inf')
+        self._graph_counted = self._graph_checked = float('-inf')
 
     @property
     def speed_factor(self) -> float:
@@ -286,10 +287,9 @@ class RunMonitor:
 
     def on_sent(self, rest: float) -> None:
         """
-        Record whether the robot is held at rest, and renew manual control if it expires soon.
+        Record whether the robot is held at rest, and how long it stays at rest.
 
-        Call this after each velocity.  Manual control is the mode in which the robot accepts
-        velocities.
+        Call this after each velocity.
 
         :param rest: how long the robot stays at rest from now on [s]; 0 while it moves, infinite
             while a speed factor of 0 holds it at rest
@@ -300,8 +300,7 @@ class RunMonitor:
         elif self._held_since is None:
             self._held_since = self.clock()
         self.pause_pose.on_sent(is_held)
-        if self._lease is not None:
-            self._lease.on_sent(self.clock(), rest)
+        self._rest_end = self.clock() + rest if rest else float('-inf')
 
     def begin(self, feedback: PoseFeedback | None) -> None:
         """
@@ -315,6 +314,7 @@ class RunMonitor:
         self._feedback = feedback
         self._checked = self.clock()
         self._held_since, self._is_released = None, False
+        self._rest_end = float('-inf')
         self._speed_factor.set(MOVED, 1.0)
         self.pause_pose.on_sent(is_paused=False)
 
@@ -338,8 +338,9 @@ class RunMonitor:
         """
         Send a heartbeat to the guardian, and check for all faults that must end the drive.
 
-        The guardian is a separate process that stops the robot if this program cannot.  If a pause
-        is over, this method also allows the robot to move again.
+        The guardian is a separate process that stops the robot if this program cannot.  If manual
+        control, the mode in which the robot accepts velocities, expires soon, this method renews
+        it.  If a pause is over, it also allows the robot to move again.
 
         :raises RunFaultError: if the drive must end
         """
@@ -348,9 +349,7 @@ class RunMonitor:
         held_up, self._checked = now - self._checked, now
         if self._lease is not None:
             self._lease.poll(now)
-        if now - self._subscriber_checked >= SUBSCRIBER_CHECK_PERIOD:
-            self._subscriber_checked = now
-            self._robot.check_subscribed()
+            self._lease.renew_if_due(now, max(0.0, self._rest_end - now))
         if self.has_lost_robot(now):
             age = self._odometry.age(now) or 0.0
             if held_up > HEARTBEAT_TIMEOUT and age - held_up <= self._odometry_timeout:
@@ -372,6 +371,7 @@ class RunMonitor:
                 'given up, and the robot released')
         if now - self._graph_counted >= GRAPH_COUNT_PERIOD:
             self._graph_counted = now
+            self._robot.check_subscribed()
             self._check_graph(now)
         if self._held_since is not None and not (
                 self._is_released or self._speed_factor.is_hold):

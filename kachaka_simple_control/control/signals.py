@@ -21,7 +21,7 @@ for a signal, and then they end.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 import contextlib
 from functools import partial
 import os
@@ -92,6 +92,19 @@ class SignalHandler(Protocol):
         """
 
 
+class _Deferral:
+    """The ``with`` block of ``SignalDispatcher.deferred``; quicker than a generator."""
+
+    def __init__(self, dispatcher: SignalDispatcher) -> None:
+        self._dispatcher = dispatcher
+
+    def __enter__(self) -> None:
+        self._dispatcher.begin_deferral()
+
+    def __exit__(self, *_: object) -> None:
+        self._dispatcher.end_deferral()
+
+
 class SignalDispatcher:
     """
     Calls all registered handlers when a signal ends the program; each process has one object.
@@ -113,6 +126,7 @@ class SignalDispatcher:
         self._first: float | None = None
         #: whether the main thread is in a block that no signal interrupts
         self._is_deferring = False
+        self._deferral = _Deferral(self)
         #: the signal that came during such a block, and its stack frame
         self._deferred: tuple[int, FrameType | None] | None = None
         self._excepthook = sys.excepthook
@@ -141,25 +155,28 @@ class SignalDispatcher:
         with contextlib.suppress(ValueError):
             self._handlers.remove(handler)
 
-    @contextlib.contextmanager
-    def deferred(self) -> Iterator[None]:
+    def deferred(self) -> contextlib.AbstractContextManager[None]:
         """
         Delay the exceptions of signals until the end of a ``with`` block in the main thread.
 
         The registered handlers are still called at once.  In other threads the block has no
         effect, because signals raise exceptions only in the main thread.
         """
-        if threading.current_thread() is not threading.main_thread():
-            yield
+        return self._deferral
+
+    def begin_deferral(self) -> None:
+        """Delay the exceptions of signals from now on, if this is the main thread."""
+        if threading.get_ident() == threading.main_thread().ident:
+            self._is_deferring = True
+
+    def end_deferral(self) -> None:
+        """Stop the delay, and raise the exception of a signal that came meanwhile."""
+        if threading.get_ident() != threading.main_thread().ident:
             return
-        self._is_deferring = True
-        try:
-            yield
-        finally:
-            self._is_deferring = False
-            if (deferred := self._deferred) is not None:
-                self._deferred = None
-                self._handle(*deferred)
+        self._is_deferring = False
+        if (deferred := self._deferred) is not None:
+            self._deferred = None
+            self._handle(*deferred)
 
     def handle_uncaught(self) -> None:
         """

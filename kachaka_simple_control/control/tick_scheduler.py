@@ -22,10 +22,9 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import dataclass
 import math
 from operator import attrgetter
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from kachaka_simple_control.control.events import VelocityKind
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
@@ -37,8 +36,7 @@ from kachaka_simple_control.motion.velocity_profile import PathState
 TIME_TOLERANCE = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class Tick:
+class Tick(NamedTuple):
     """
     A velocity to send, and the time when it is due.
 

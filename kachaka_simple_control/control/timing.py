@@ -76,7 +76,11 @@ HEARTBEAT_TIMEOUT = 0.1
 #: next movement, and a DDS call may take PUBLISH_TIMEOUT.  The robot has already received a zero
 #: velocity.
 STOPPING_TIMEOUT = 1.0
-#: How often the guardian checks the time since the last heartbeat.  If more time passes between
+#: The guardian sleeps until a heartbeat is late by this part of the allowed time; only then it
+#: checks every WATCHDOG_PERIOD.  Chosen: more than two times CHECK_PERIOD; and after a pause of
+#: the whole machine, 0.04 s are left for the next heartbeat.
+LATE_FRACTION = 0.6
+#: How often the guardian checks the time since a late heartbeat.  If more time passes between
 #: two checks, the excess does not count: the guardian or the whole machine was held up.  Chosen.
 WATCHDOG_PERIOD = 0.02
 #: If the guardian has processed no heartbeat for this time while the node ran, it is frozen and
@@ -115,9 +119,8 @@ STOP_REQUEST_WINDOW = 0.05
 
 # --- Faults during a run ------------------------------------------------------------------------
 
-#: How often to check that the robot still subscribes; a check costs as much as half a message.
-SUBSCRIBER_CHECK_PERIOD = 0.05
-#: How often to compare the numbers of publishers and subscribers on the topic.
+#: How often to check that the robot still subscribes, and to compare the numbers of publishers and
+#: subscribers on the topic; this costs as much as a message.
 GRAPH_COUNT_PERIOD = 0.2
 #: How often to check the identity of the publishers and subscribers when their numbers have not
 #: changed; a check costs as much as five messages.
@@ -150,9 +153,6 @@ FOREIGN_MESSAGE_MAX_AGE = 1.0
 #: time is longer than a robot moves after its last velocity: its command timeout, and the time to
 #: brake from 0.3 m/s.
 REST_TIMEOUT = 1.0
-#: How long to wait if the odometry topic of the robot is not in the graph yet.  Discovery delivers
-#: all topics of a participant within some milliseconds.  Fast DDS repeats a lost message after
-#: 0.35 s.
 #: How long the search for velocity publishers takes after its node has joined the graph.  In this
 #: time the node joins three times.  Measured: all of 40 nodes found a publisher within 0.38 s.
 PUBLISHER_SEARCH_TIME = 0.55
@@ -165,6 +165,9 @@ SEARCH_LEASE_TIME = 0.15
 #: How long to wait until this node has discovered a publisher that the search has found.  Fast DDS
 #: announces each participant at least every 3 s.
 DISCOVERY_TIMEOUT = 3.5
+#: How long to wait if the odometry topic of the robot is not in the graph yet.  Discovery delivers
+#: all topics of a participant within some milliseconds.  Fast DDS repeats a lost message after
+#: 0.35 s.
 ODOMETRY_WAIT_TIME = 0.5
 #: A message sent earlier than this before a subscription begins does not reach the subscription.
 #: Chosen.  Through shared memory, which the commands do not use, 0.33 s were measured.

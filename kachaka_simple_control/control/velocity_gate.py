@@ -289,8 +289,7 @@ class VelocityGate:
         :raises ControlError: if the run was ended, if a newer run has begun, or if this object may
             not publish velocities
         """
-        with self._lock:
-            self._check(run)
+        self._check(run)
 
     def cancel(self, reason: ControlError) -> Run | None:
         """

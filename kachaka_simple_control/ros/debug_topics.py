@@ -252,6 +252,19 @@ class CommandedVelocityPublisher(DebugTopic):
         self._is_wanted = False
         self._check_time = float('-inf')
 
+    def wants(self, event: Event) -> bool:
+        """
+        Return whether an event is a sent velocity, and the topic has subscribers.
+
+        :param event: any event
+        """
+        if not isinstance(event, VelocitySent):
+            return False
+        if event.time - self._check_time >= SUBSCRIBER_COUNT_PERIOD:
+            self._check_time = event.time
+            self._is_wanted = self._has_subscribers
+        return self._is_wanted
+
     def on_sent(self, event: Event) -> None:
         """
         Publish a copy of a velocity that was sent to the robot.
@@ -261,12 +274,7 @@ class CommandedVelocityPublisher(DebugTopic):
         :param event: a ``VelocitySent`` event, whose send time becomes the time stamp of the copy;
             other events are ignored
         """
-        if not isinstance(event, VelocitySent):
-            return
-        if event.time - self._check_time >= SUBSCRIBER_COUNT_PERIOD:
-            self._check_time = event.time
-            self._is_wanted = self._has_subscribers
-        if self._is_wanted:
+        if isinstance(event, VelocitySent) and self._is_wanted:
             self._send(partial(
                 self._serialize, event.velocity,
                 self._clock.now().nanoseconds - round((time.monotonic() - event.time) * 1e9)))

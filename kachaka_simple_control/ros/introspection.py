@@ -21,7 +21,6 @@ from typing import Any
 
 from kachaka_simple_control.control.events import (
     Event,
-    EventHandler,
     MotionPlanned,
     MotionStarted,
     OdometryReceived,
@@ -79,9 +78,7 @@ class IntrospectionPublishers:
         self._on_frame: list[Handler] = []
         #: the handlers by type of event; called only while the session is open
         self._on_event: dict[type, list[Handler]] = {}
-        #: the handlers that are called with all events, at any time; they return at once
-        self._always: list[EventHandler] = [self._failing_once(
-            COMMANDED_VELOCITY, CommandedVelocityPublisher(thread, profile.frame).on_sent)]
+        self._commanded = CommandedVelocityPublisher(thread, profile.frame)
         self._speed_factor = SpeedFactorPublisher(thread)
         self._on_event[SpeedFactorChanged] = [self._failing_once(
             SPEED_FACTOR, lambda event: self._speed_factor.publish(event.product))]
@@ -98,8 +95,10 @@ class IntrospectionPublishers:
             the diagnostics
         """
         self._status_reader = status_reader
-        for handler in (*self._always, self._handle):
-            event_bus.subscribe(handler)
+        event_bus.subscribe(
+            self._failing_once(COMMANDED_VELOCITY, self._commanded.on_sent),
+            wants=self._commanded.wants)
+        event_bus.subscribe(self._handle, wants=lambda event: type(event) in self._on_event)
         self._speed_factor.publish(1.0)
 
     def set_frame(self, frame: str) -> None:

@@ -46,11 +46,13 @@ class _Reader:
     :param handle: the function that is called with each event
     :param on_detached: a function that is called with the reason when the reader is detached,
         which means that it gets no more events
+    :param wants: a function that returns whether the reader needs an event
     :param busy: the total run time of ``handle`` since the queue of events was last empty [s]
     """
 
     handle: EventHandler
     on_detached: Callable[[str], None]
+    wants: Callable[[Event], bool]
     busy: float = 0.0
 
 
@@ -121,7 +123,8 @@ class EventBus:
 
     def subscribe(
             self, handler: EventHandler,
-            on_detached: Callable[[str], None] = lambda _: None) -> None:
+            on_detached: Callable[[str], None] = lambda _: None,
+            wants: Callable[[Event], bool] = lambda _: True) -> None:
         """
         Add a reader: a function that is called with each event from now on.
 
@@ -129,9 +132,12 @@ class EventBus:
         :param on_detached: a function that is called with the reason if the handler gets no more
             events, because it has raised an error or is too slow; the output of the handler is
             then incomplete
+        :param wants: a quick function, called in the thread that publishes an event, that returns
+            whether the handler needs the event.  An event that no handler needs is dropped at
+            once.  So without readers of velocities, no second thread wakes up for each velocity
         """
         with self._lock:
-            self._readers = (*self._readers, _Reader(handler, on_detached))
+            self._readers = (*self._readers, _Reader(handler, on_detached, wants))
 
     def publish(self, event: Event) -> None:
         """
@@ -141,7 +147,10 @@ class EventBus:
 
         :param event: the event
         """
-        if not self._readers:
+        for reader in self._readers:
+            if reader.wants(event):
+                break
+        else:
             return
         self._queue.put(event)
         if self._thread is None:

@@ -64,7 +64,7 @@ def drive(robot, duration, rest_at=lambda _: 0.0, period=0.1):
     for tick in range(round(duration / period)):
         robot.now = tick * period
         renewer.poll(robot.now)
-        renewer.on_sent(robot.now, rest_at(robot.now))
+        renewer.renew_if_due(robot.now, rest_at(robot.now))
 
 
 def test_without_a_rest_it_is_renewed_every_40_seconds():

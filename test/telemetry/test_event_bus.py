@@ -45,6 +45,18 @@ def test_all_readers_get_all_events_in_order():
     assert one == other == events
 
 
+def test_an_event_that_nobody_wants_wakes_no_thread():
+    bus, events, seen = EventBus(), events_of(20), []
+    bus.subscribe(seen.append, wants=lambda event: event is events[7])
+    for event in events[:7]:
+        bus.publish(event)
+    assert bus._thread is None
+    for event in events[7:]:
+        bus.publish(event)
+    assert bus.flush(10.0)
+    assert seen == [events[7]]
+
+
 def test_readers_are_called_in_one_thread_of_their_own():
     bus, threads = EventBus(), set()
     bus.subscribe(lambda _: threads.add(threading.current_thread().name))
