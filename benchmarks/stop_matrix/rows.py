@@ -243,8 +243,32 @@ def _paused_in_corner(row: Row) -> Row:
         quick=int(what == IN_CORNER[0]))
 
 
+#: The faults that are also tested while a person drives by hand, with the same limits; quick form
+#: first.
+BY_HAND = (
+    'SIGINT (Ctrl+C)', 'SIGKILL', 'SIGSTOP', 'frozen for 150 ms', 'SIGTERM', 'listener leaves',
+    'guardian killed', 'somebody else comes, and sends velocities')
+QUICK_BY_HAND = 3
+#: The time limits for the first zero after the last command by hand: HAND_LEASE_TIME, the period
+#: of the commands and a margin; and after the commanding program is killed [s].
+HAND_LAPSED, HAND_KILLED = 0.35, 0.05
+
+
+def _by_hand(row: Row) -> Row:
+    what = row.expectation.what
+    return replace(
+        row, expectation=replace(row.expectation, what=f'{what}, by hand'),
+        script=scripts.BY_HAND, full=20, measures_distance=False,
+        quick=int(BY_HAND.index(what) < QUICK_BY_HAND))
+
+
 ROWS = (
     *IN_MOTION,
+    *(_by_hand(row) for row in IN_MOTION if row.expectation.what in BY_HAND),
+    Row(Expectation('the commands end, by hand', NODE, (0,), limit=HAND_LAPSED),
+        faults.own_fault, scripts.SILENT_HAND, full=20, measures_distance=False),
+    Row(Expectation('the commanding program is killed, by hand', NODE, (137,), limit=HAND_KILLED),
+        faults.send_signals('SIGKILL'), scripts.BY_PIPE, full=20, measures_distance=False),
     *(in_corner(row) for in_corner in (_in_corner, _paused_in_corner) for row in IN_MOTION
       if row.expectation.what in IN_CORNER),
     *(_closed(row) for row in IN_MOTION if row.expectation.what in IN_CLOSED_LOOP),

@@ -139,6 +139,65 @@ wait_for_go()
 node.move_robot(0.1, 0.0, DURATION)
 """
 
+#: Drives by hand: a thread commands 20 times a second.
+BY_HAND = USER + """
+from kachaka_simple_control.control.hand_source import HandSource
+from kachaka_simple_control.motion.geometry import Velocity
+
+hand = HandSource(node.profile.planning_limits, node.session.robot_drive.on_source_changed)
+
+def command(duration):
+    for number in range(round(duration / 0.05)):
+        hand.command(Velocity(0.1 if number else 0.0, 0.0), number, hand.stamp())
+        time.sleep(0.05)
+
+def drive():
+    command(DURATION)
+    hand.end()
+
+wait_for_go()
+threading.Thread(target=drive, daemon=True).start()
+node.session.drive_source('by hand', hand, 0.05)
+"""
+
+#: Drives by hand; the commands end without a zero.
+SILENT_HAND = BY_HAND.replace('    command(DURATION)\n', """
+    command(0.5 + time_to_fault())
+    write_fault()
+    time.sleep(1.0)
+""")
+
+#: Drives by hand through the pipes of the command.
+BY_PIPE = BEGIN + """
+import json, subprocess
+
+stamps = [0.0]
+
+def read():
+    for line in drive.stdout:
+        report = json.loads(line)
+        if report['type'] == 'stamp':
+            stamps.append(report['stamp'])
+        elif report['type'] == 'answer':
+            Path('ready').touch()
+
+def send(**values):
+    print(json.dumps({'v': 1, **values}), file=drive.stdin, flush=True)
+
+drive = subprocess.Popen(
+    [sys.executable, '-m', 'kachaka_simple_control', '--pipe', *sys.argv[1:]],
+    stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+threading.Thread(target=read, daemon=True).start()
+send(type='take', id=1)
+while not Path('ready').exists():
+    time.sleep(0.02)
+sys.stdin.readline()
+for number in range(round(DURATION / 0.05)):
+    send(type='hand', sequence=number, stamp=stamps[-1], linear_x=0.1 if number else 0.0,
+         angular_z=0.0)
+    time.sleep(0.05)
+"""
+
 #: Drives two robots at the same time, one of them in the main thread.
 TWO_ROBOTS = BEGIN + """
 import rclpy

@@ -276,6 +276,12 @@ class RobotDrive:
         self._progress = replace(self.progress, is_over=True, ended_by=reason)
 
     @property
+    def is_at_rest(self) -> bool:
+        """Whether the newest velocity is zero and a speed factor holds the robot at rest."""
+        tick = self._tick
+        return tick is None or tick.rest == math.inf
+
+    @property
     def progress(self) -> RunProgress:
         """Return the progress of the newest run, such as its plan and its planned pose."""
         tick = self._tick

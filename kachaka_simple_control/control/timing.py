@@ -111,6 +111,25 @@ RESUME_CONFIRM_TIMEOUT = 10.0
 #: again.
 RESUME_QUIET_TIME = 1.0
 
+# --- Driving by hand -----------------------------------------------------------------------------
+
+#: A command by hand is valid for this time after its stamp.  Chosen: longer than a slow Wi-Fi
+#: takes, and shorter than the command timeout of a Kachaka.
+HAND_LEASE_TIME = 0.25
+#: The time between two velocities by hand.  Chosen.
+HAND_PERIOD = 0.05
+#: How often a remotely controlled program reports its state and issues a stamp.  Chosen.
+REMOTE_REPORT_PERIOD = 0.05
+#: How often the state is reported if it does not change, so that its reader sees that it is new.
+REMOTE_STATE_PERIOD = 1.0
+#: A motion that another program has begun is paused if that program is silent for this time,
+#: because its stop may not come either.  Chosen: four times the period of its messages.
+REMOTE_SILENCE_TIMEOUT = 1.0
+#: How long a motion may take to come to rest when its commands end.  Chosen: longer than a pause.
+REMOTE_REST_TIMEOUT = 2.0
+#: How long a report waits for a reader that does not read.  Chosen.
+REMOTE_WRITE_TIMEOUT = 1.0
+
 # --- Services ------------------------------------------------------------------------------------
 
 #: A request to drive that comes within this time after a request to stop may have been sent before

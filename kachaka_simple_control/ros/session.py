@@ -15,7 +15,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+import contextlib
 from functools import partial
 import signal
 import threading
@@ -37,7 +38,7 @@ from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.stop import StopController
-from kachaka_simple_control.control.tick_scheduler import TickScheduler
+from kachaka_simple_control.control.tick_scheduler import TickScheduler, VelocitySource
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.motion.drive_order import DriveOrder
@@ -187,50 +188,92 @@ class Session:
             ended before the end of the plan
         """
         request = request or self.request()
-        is_complete = False
-        try:
+        with self._accepted(request):
             plan = order.plan()
             self.robot_drive.request(order.motion.name, plan)
             self._publish(MotionPlanned(
                 order.motion, order.limits, order.rate, time.monotonic()))
-            try:
-                self._prepare(order, plan, request)
-                with old_objects_frozen():
-                    run = self.robot_drive.begin(
-                        TickScheduler(plan), time.monotonic(), plan.period, request.run,
-                        self._monitor.pause_pose.newest)
-                    self._loop.run([self.robot_drive])
-                self._guardian.report_stopping()
-                self._stopper.stop_after_idle(run, within=plan.period)
-            except BaseException as error:
-                # KeyboardInterrupt and SystemExit as well: the robot must stop in every case.
-                ended = self._end_early(error)
-                if ended is error:
-                    raise
-                raise ended from error
-            self.robot_drive.finish()
-            self._publish(MotionEnded(time.monotonic()))
+            self._drive(
+                TickScheduler(plan), plan.period, request, lambda: None if (
+                    order.corrected is None) else self._begin_feedback(plan, order.corrected))
+        return plan
+
+    def drive_source(
+            self, title: str, source: VelocitySource, period: float,
+            request: DriveRequest | None = None) -> None:
+        """
+        Send the velocities of a source without a plan, and leave the robot at rest.
+
+        The drive ends when the source has no more velocities.
+
+        :param title: the name of the drive
+        :param source: the source, for example the velocities that a person commands by hand
+        :param period: the normal time between two velocities [s]
+        :param request: the return value of the method ``request``; None to call ``request`` now
+        :raises ControlError: if this program could not get control of the robot, or if a fault or
+            a stop ended the drive
+        """
+        request = request or self.request()
+        with self._accepted(request):
+            self.robot_drive.request(title)
+            self._drive(source, period, request, lambda: None)
+
+    @contextlib.contextmanager
+    def _accepted(self, request: DriveRequest) -> Iterator[None]:
+        """Finish an accepted request at the end of a block, also if an error ends the block."""
+        is_complete = False
+        try:
+            yield
             is_complete = True
         finally:
             self._requests.finish(request, is_complete)
-        return plan
 
-    def _prepare(self, order: DriveOrder, plan: Plan, request: DriveRequest) -> None:
+    def _drive(
+            self, source: VelocitySource, period: float, request: DriveRequest,
+            begin_feedback: Callable[[], PoseFeedback | None]) -> None:
+        """
+        Get control of the robot, send the velocities of a source, and leave the robot at rest.
+
+        :param source: the source of the velocities
+        :param period: the normal time between two velocities [s]
+        :param request: the accepted request for this drive
+        :param begin_feedback: a function that starts the closed loop when the robot is taken, and
+            returns it; None without a closed loop
+        """
+        try:
+            self._prepare(request, begin_feedback)
+            with old_objects_frozen():
+                run = self.robot_drive.begin(
+                    source, time.monotonic(), period, request.run,
+                    self._monitor.pause_pose.newest)
+                self._loop.run([self.robot_drive])
+            self._guardian.report_stopping()
+            self._stopper.stop_after_idle(run, within=period)
+        except BaseException as error:
+            # KeyboardInterrupt and SystemExit as well: the robot must stop in every case.
+            ended = self._end_early(error)
+            if ended is error:
+                raise
+            raise ended from error
+        self.robot_drive.finish()
+        self._publish(MotionEnded(time.monotonic()))
+
+    def _prepare(
+            self, request: DriveRequest,
+            begin_feedback: Callable[[], PoseFeedback | None]) -> None:
         """
         Get control of the robot, and prepare the checks and corrections for a drive.
 
         Also log a message if the robot will drive slower than planned, or if the motion is paused.
 
-        :param order: the motion and its limits
-        :param plan: the plan of the motion
         :param request: the request for this drive; if a stop has come since the request, this
             object contains the error that describes the stop
+        :param begin_feedback: a function that starts the closed loop, if the drive has one
         """
         self._request, self._has_reported = request, False
         self._require_not_stopped()
         self._connection.take(self._require_wanted)
-        feedback = None if order.corrected is None else (
-            self._begin_feedback(plan, order.corrected))
+        feedback = begin_feedback()
         # Only now: the pending stop of the previous movement must still be sent if the wait for
         # the robot is long.
         self._stopper.cancel_pending()
@@ -419,6 +462,16 @@ class Session:
         robot.  Return None if there is no guardian.
         """
         return self._guardian.shared_memory
+
+    @property
+    def is_stopped_permanently(self) -> bool:
+        """Whether a signal or the guardian has stopped the robot, so that no motion may start."""
+        return self._stopped_by is not None or self._guardian.stopped_because is not None
+
+    @property
+    def pose(self) -> Pose | None:
+        """Return the newest pose of the robot in the odometry frame; None before the first."""
+        return self._monitor.pause_pose.newest
 
     @property
     def is_driving(self) -> bool:

@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+import itertools
 import os
 import statistics
 import threading
@@ -27,9 +28,10 @@ from hypothesis import strategies as st
 from kachaka_simple_control.control.drive_loop import DriveLoop, Sleeper
 from kachaka_simple_control.control.events import VelocityKind, VelocitySent
 from kachaka_simple_control.control.guardian import Latch
+from kachaka_simple_control.control.hand_source import HandSource
 from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.speed_factor import SpeedFactor
-from kachaka_simple_control.control.tick_scheduler import Tick, TickScheduler
+from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.control.velocity_gate import PortTime, VelocityGate
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
@@ -155,15 +157,15 @@ def test_a_change_of_the_source_while_it_is_asked_is_not_lost():
     fake = FakeTime()
     fleet = Fleet(1, fake.clock, fake.sleep)
     (drive,) = fleet.drives
-    source = Wanted(fake.now)
-    source.want(FORWARD, fake.now)
+    source = HandSource(LIMITS, drive.on_source_changed, fake.clock)
+    source.command(ZERO, 1, source.stamp())
+    source.command(FORWARD, 2, source.stamp())
     due = source.due
 
     def changed_meanwhile(elapsed, factor=1.0):
         tick = due(elapsed, factor)
         if not fleet.sent[0]:
-            source.want(ZERO, fake.now)
-            drive.on_source_changed()
+            source.command(ZERO, 3, source.stamp())
         return tick
 
     source.due = changed_meanwhile
@@ -257,52 +259,27 @@ def test_a_stop_does_not_wait_for_a_port_that_blocks_another_robot():
     assert [str(error) for error in errors] == ['enough'] * 49
 
 
-class Wanted:
-    """
-    A velocity that somebody wants, under a lease that lapses: a source without plan or period.
-
-    :param clock: the clock of its run [s]
-    """
-
-    kind, skipped, plan_duration = VelocityKind.HAND, 0, None
-    lease = 0.25
-
-    def __init__(self, t0):
-        """Want nothing yet."""
-        self._t0, self._velocity, self._expiry = t0, ZERO, 0.0
-        self.is_over = False
-
-    def want(self, velocity, now):
-        """Take a velocity, until its lease lapses."""
-        self._velocity, self._expiry = velocity, now - self._t0 + self.lease
-
-    def due(self, elapsed, factor=1.0):
-        """Return what is wanted now; once nobody renews it, a zero."""
-        if self.is_over:
-            return None
-        if elapsed >= self._expiry:
-            return Tick(ZERO, elapsed, elapsed + 0.2, float('inf'))
-        velocity = Velocity(
-            self._velocity.linear_x * factor, self._velocity.angular_z * factor)
-        return Tick(velocity, elapsed, min(elapsed + 0.2, self._expiry), 0.0)
-
-
 def test_a_wanted_velocity_ends_with_its_lease():
     """No plan, no end, no period; and whoever wants it may be gone."""
     fake, events = FakeTime(), []
     fleet = Fleet(1, fake.clock, fake.sleep)
     (drive,) = fleet.drives
     drive.gate.publish = events.append
-    start, source = fake.now, Wanted(fake.now)
-    source.want(FORWARD, fake.now)
-    wishes = [(0.1, FORWARD), (0.15, Velocity(0.2, 0.5)), (1.0, FORWARD)]
+    start, source = fake.now, HandSource(LIMITS, drive.on_source_changed, fake.clock)
+    wishes = [(0.1, FORWARD), (0.15, Velocity(0.2, 0.5)), (0.9, ZERO), (1.0, FORWARD)]
+
+    def want(velocity):
+        source.command(velocity, next(numbers), source.stamp())
 
     def on_sleep():
         while wishes and fake.now >= start + wishes[0][0] - 1e-9:
-            source.want(wishes.pop(0)[1], fake.now)
-            drive.on_source_changed()
-        source.is_over = fake.now > start + 2.0
+            want(wishes.pop(0)[1])
+        if fake.now > start + 2.0:
+            source.end()
 
+    numbers = itertools.count()
+    want(ZERO)
+    want(FORWARD)
     fake.on_sleep = on_sleep
     drive.request('by hand')
     drive.begin(source, start)
@@ -311,7 +288,7 @@ def test_a_wanted_velocity_ends_with_its_lease():
     moving = [when for when, velocity in at if not velocity.is_zero]
     assert moving[0] == 0.0
     # Fake time wakes no sleep: a change is seen at the next check.
-    assert any(velocity == Velocity(0.2, 0.5) and 0.15 <= when < 0.18 for when, velocity in at)
+    assert any(velocity == Velocity(0.2, 0.5) and 0.15 <= when < 0.23 for when, velocity in at)
     first_rest = next(when for when, velocity in at if velocity.is_zero)
     assert first_rest == pytest.approx(0.43, abs=0.031)
     assert at[-1][1] == ZERO

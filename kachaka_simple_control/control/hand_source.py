@@ -1,0 +1,189 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Velocities that a person commands directly, by hand, under a lease that lapses.
+
+This module reads no clock of its own: the caller passes the clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import math
+import threading
+
+from kachaka_simple_control.control.events import VelocityKind
+from kachaka_simple_control.control.processes import boottime
+from kachaka_simple_control.control.speed_factor import is_hold
+from kachaka_simple_control.control.tick_scheduler import Tick
+from kachaka_simple_control.control.timing import HAND_LEASE_TIME, HAND_PERIOD
+from kachaka_simple_control.errors import MotionRefusedError
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
+from kachaka_simple_control.motion.limits import Limits
+
+#: A command that is valid for less than this time is over: a shorter tick would be a rounding
+#: error [s].
+MIN_VALIDITY = 1e-6
+
+
+class HandSource:
+    """
+    Returns the velocities that a person commands by hand, until ``end`` is called.
+
+    Each command carries a sequence number and the newest stamp that its sender has received from
+    this object.  So a command that was delayed on its way is recognized by its old stamp, even if
+    the clocks of sender and robot differ, or if one of their programs was frozen meanwhile.  A
+    command is valid until HAND_LEASE_TIME (0.25 s) after its stamp.  If no newer command comes in
+    this time, the velocity is zero at once.  After that, and after a pause, a command of zero must
+    come before any other velocity is accepted: whoever has lost control has to release the stick
+    first.
+
+    A zero is sent at once.  All other changes of the velocity keep the limits of acceleration and
+    deceleration, for the linear and the angular part separately.
+
+    :param limits: the limits of velocity and acceleration
+    :param on_change: a function that is called when a velocity must be sent at once
+    :param clock: the clock of the stamps [s]; it must also count while the machine is suspended
+    """
+
+    kind = VelocityKind.HAND
+    skipped = 0
+    plan_duration: float | None = None
+
+    def __init__(
+            self, limits: Limits, on_change: Callable[[], None] = lambda: None,
+            clock: Callable[[], float] = boottime) -> None:
+        self._limits = limits
+        self._on_change = on_change
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._issued = self._newest_stamp = -math.inf
+        self._sequence = -1
+        self._wanted = ZERO
+        #: whether a zero must come before any other velocity
+        self._needs_neutral = True
+        self._is_over = False
+        self._tick: Tick | None = None
+
+    def stamp(self) -> float:
+        """Return a new stamp for the sender of the commands [s on the clock of this object]."""
+        with self._lock:
+            self._issued = self._clock()
+            return self._issued
+
+    def command(self, velocity: Velocity, sequence: int, stamp: float) -> None:
+        """
+        Accept a command, which is valid until HAND_LEASE_TIME after its stamp.
+
+        Any thread may call this.
+
+        :param velocity: the wanted velocity
+        :param sequence: the number of the command; it must be larger than that of all earlier
+            commands
+        :param stamp: the newest result of ``stamp`` that the sender has received
+        :raises MotionRefusedError: if the command is older than an accepted one, was sent too long
+            ago, or if a zero must come first
+        :raises InvalidMotionError: if the velocity is beyond the limits
+        """
+        self._limits.check(velocity)
+        with self._lock:
+            self._check(velocity, sequence, stamp)
+            was_zero, self._wanted = self._wanted.is_zero, velocity
+            self._sequence, self._newest_stamp = sequence, stamp
+            if velocity.is_zero:
+                self._needs_neutral = False
+        if velocity.is_zero and not was_zero:
+            self._on_change()
+
+    def stop(self) -> None:
+        """Set the wanted velocity to zero at once; a zero must come before any other velocity."""
+        with self._lock:
+            self._wanted, self._needs_neutral = ZERO, True
+        self._on_change()
+
+    def end(self) -> None:
+        """End the drive with a zero velocity; from now on no command has an effect."""
+        with self._lock:
+            self._is_over = True
+        self._on_change()
+
+    def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
+        """
+        Return the velocity that is due at a time, and the time when the next velocity is due.
+
+        :param elapsed: the time since the first velocity was due [s]
+        :param factor: the speed relative to the wanted velocity, from 0 to 1
+        :returns: the tick, which is a velocity with its times; None after ``end``
+        """
+        with self._lock:
+            if self._is_over:
+                return None
+            left = self._newest_stamp + HAND_LEASE_TIME - self._clock()
+            if left <= MIN_VALIDITY and not self._wanted.is_zero:
+                self._wanted, self._needs_neutral = ZERO, True
+            velocity = self._next(elapsed, factor)
+            if is_hold(factor):
+                self._needs_neutral = True
+                if velocity.is_zero:
+                    self._wanted = ZERO
+            self._tick = tick = Tick(
+                velocity, elapsed,
+                elapsed + (HAND_PERIOD if velocity.is_zero else min(HAND_PERIOD, left)),
+                math.inf if is_hold(factor) and velocity.is_zero else 0.0)
+            return tick
+
+    def _check(self, velocity: Velocity, sequence: int, stamp: float) -> None:
+        if sequence <= self._sequence or stamp < self._newest_stamp:
+            raise MotionRefusedError('the command is older than one that was accepted')
+        if not stamp <= self._issued:
+            raise MotionRefusedError('the stamp of the command was never issued')
+        if self._clock() - stamp >= HAND_LEASE_TIME:
+            raise MotionRefusedError('the command was sent too long ago')
+        if self._needs_neutral and not velocity.is_zero:
+            raise MotionRefusedError('control was lost: release the controls first')
+
+    def _next(self, elapsed: float, factor: float) -> Velocity:
+        """
+        Return the next velocity between the newest sent one and the wanted one.
+
+        :param elapsed: the time since the first velocity was due [s]
+        :param factor: the speed relative to the wanted velocity, from 0 to 1
+        """
+        if self._wanted.is_zero:
+            return ZERO
+        before, duration = (ZERO, HAND_PERIOD) if self._tick is None else (
+            self._tick.velocity, min(elapsed - self._tick.start, HAND_PERIOD))
+        limits = self._limits
+        return Velocity(
+            _ramped(before.linear_x, self._wanted.linear_x * factor,
+                    limits.max_linear_acceleration * duration,
+                    limits.linear_deceleration * duration),
+            _ramped(before.angular_z, self._wanted.angular_z * factor,
+                    limits.max_angular_acceleration * duration,
+                    limits.angular_deceleration * duration))
+
+
+def _ramped(before: float, wanted: float, up: float, down: float) -> float:
+    """
+    Return the value that is closest to the wanted value, and not too far from the value before.
+
+    :param before: the value before
+    :param wanted: the wanted value
+    :param up: the largest allowed change away from zero
+    :param down: the largest allowed change towards zero
+    """
+    if before * wanted < 0.0:  # first to zero
+        wanted = 0.0
+    change = up if abs(wanted) > abs(before) else down
+    return min(max(wanted, before - change), before + change)
