@@ -35,7 +35,7 @@ CODE = re.compile(r'`([^`]+)`')
 LIBRARIES = {
     'PyYAML': {'yaml'}, 'jsonschema': {'jsonschema'}, 'matplotlib': {'matplotlib'},
     'Jinja2': {'jinja2'}, 'mcap': {'mcap'}, 'rich': {'rich'}, 'rclpy': {'rclpy'},
-    'argcomplete': {'argcomplete'},
+    'argcomplete': {'argcomplete'}, 'tornado': {'tornado'},
     'std_srvs': {'std_srvs'}, 'kachaka-api': {'kachaka_api'}, 'grpc': {'grpc'},
     'messages': {'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs',
                  'rcl_interfaces', 'std_msgs', 'std_srvs'},

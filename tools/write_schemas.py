@@ -12,7 +12,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Write the JSON Schemas of motions and robots again after a change to a step or a quantity."""
+"""Write the JSON Schemas again after a change to a step, a quantity or a message."""
 
 import json
 from pathlib import Path
@@ -20,6 +20,7 @@ import re
 from typing import Any
 
 import kachaka_simple_control
+from kachaka_simple_control.console import protocol
 from kachaka_simple_control.files import motion_file, robot_profile
 from kachaka_simple_control.files.document import read_schema
 from kachaka_simple_control.motion.units import QUANTITIES
@@ -29,6 +30,7 @@ def main() -> None:
     """Write the schema files of the package, which editors use."""
     write(motion_file.SCHEMA, motion_file.motion_schema())
     write(robot_profile.SCHEMA, read_schema(robot_profile.SCHEMA))
+    write(protocol.SCHEMA, protocol.protocol_schema())
 
 
 def with_quantity(schema: dict[str, Any]) -> dict[str, Any]:

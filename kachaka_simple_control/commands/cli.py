@@ -84,6 +84,8 @@ class Options:
     :param address: the address of a real robot, for which to start a bridge; None if not given
     :param simulation: the options of the simulated robot, as command line arguments
     :param yes: whether to drive a real robot without asking the user
+    :param pipe: whether to take commands from standard input, and to write reports to standard
+        output
     :param calibrates: whether the drive is for a calibration; such a drive is recorded, and prints
         no table of results
     :param command: the whole command line, which is shown in reports
@@ -107,6 +109,7 @@ class Options:
     quiet: bool = False
     simulation: tuple[str, ...] = ()
     yes: bool = False
+    pipe: bool = False
     calibrates: bool = False
     command: str = field(default=NAME, compare=False)
 
@@ -114,6 +117,16 @@ class Options:
     def is_preview(self) -> bool:
         """Whether the command only lists motions or shows their plans, and does not drive."""
         return self.list or self.plan or self.plot is not None
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether nothing but log lines is shown while the robot drives."""
+        return self.quiet or self.pipe
+
+    @property
+    def prints_table(self) -> bool:
+        """Whether the command prints a table with the results of the drive."""
+        return self.starts_bridge and not (self.calibrates or self.pipe)
 
     @property
     def starts_bridge(self) -> bool:
@@ -149,10 +162,14 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
                      'long to wait for a robot')
     if options.wait and options.repeat > 1:
         parser.error('--wait drives as often as it is asked to: leave out --repeat')
+    if options.pipe and (options.motions or options.wait or options.repeat > 1):
+        parser.error('--pipe takes its motions from standard input: leave out MOTION, --wait and '
+                     '--repeat')
     if len(options.motions) > 1 and not options.is_preview:
         parser.error('one motion can be driven at a time; --plan and --plot take several')
     if options.is_preview:
-        for name in ('report', 'repeat', 'sim', 'address', 'wait', 'quiet', 'speed', 'yes'):
+        for name in (
+                'report', 'repeat', 'sim', 'address', 'wait', 'quiet', 'speed', 'yes', 'pipe'):
             if getattr(options, name) != getattr(Options, name):
                 parser.error(f'--{name} is about a drive; --list, --plan and --plot drive nothing')
     return options
@@ -221,6 +238,9 @@ def _parser() -> OneLineParser:
     add('--corners', type=tolerance, metavar='LENGTH',
         help='drive through corners without a stop, and pass each by this length at most, as in '
              '--corners 5cm; 0 stops at each (default: what the motion says, or 0)')
+    add('--pipe', action='store_true',
+        help='for programs: take commands from standard input, and write reports to standard '
+             'output, one JSON object a line')
     add('--version', action='store_true', help='print the version')
     return parser
 

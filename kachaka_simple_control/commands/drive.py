@@ -25,6 +25,8 @@ import time
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.commands.cli import Options
+from kachaka_simple_control.commands.remote_control import RemoteControl
+from kachaka_simple_control.commands.remote_reports import ReportWriter
 from kachaka_simple_control.commands.settings import (
     choose_settings,
     chosen_speed,
@@ -56,6 +58,7 @@ if TYPE_CHECKING:
 
 #: The function that each key calls, by the character of the key.
 Keys = dict[str, Callable[[], object]]
+STDIN = 0
 #: How much one key press changes the speed factor.
 KEY_STEP = 0.1
 
@@ -73,6 +76,7 @@ def drive(options: Options) -> DriveLog:
     :raises ControlError: if the drive could not be completed; the robot was stopped
     :raises InvalidMotionError: if the robot cannot drive the motion; the robot has not moved
     """
+    reports = _reports() if options.pipe else None
     make_nonblocking(STDOUT, STDERR)
     motion_file = _motion_file(options)
     # The stack closes a bridge last, after the robot is stopped and released.
@@ -86,10 +90,11 @@ def drive(options: Options) -> DriveLog:
             in_file(motion_file), parameter_overrides=_parameters(options))
         subscribers = stack.enter_context(
             subscriber_process.SubscriberProcesses(robot_control.event_bus))
+        remote = _remote_control(stack, robot_control, reports)
         try:
             reporter = _start_subscribers(
                 subscribers, options, motion_file is None, robot_control.session.guardian_memory)
-            is_shown = not options.quiet and terminal.is_terminal(STDERR)
+            is_shown = not options.is_quiet and terminal.is_terminal(STDERR)
             keys = _keys(robot_control) if is_shown else {}
             for line in describe_overrides(options, motion_file, robot_control.node_parameters):
                 robot_control.get_logger().info(line)
@@ -97,7 +102,7 @@ def drive(options: Options) -> DriveLog:
                 motion_file = with_corners(
                     options, motion_file, robot_control.node_parameters.corners)
             robot_control.event_bus.publish(session_started(
-                robot_control, 'lesson' if motion_file is None else motion_file.motion.name,
+                robot_control, _title(options, motion_file),
                 robot_control.profile, robot_control.robot_names, robot_control.node_parameters,
                 command=options.command,
                 has_keys=bool(keys) and terminal.is_keyboard(),
@@ -109,7 +114,7 @@ def drive(options: Options) -> DriveLog:
                     SpeedFactorChanged(time.monotonic(), dict(factors)))
             if options.starts_bridge:
                 _start_bridge(stack, options, robot_control)
-            _run(robot_control, motion_file, options.wait, keys)
+            _run(robot_control, motion_file, options.wait, keys, remote)
         except KeyboardInterrupt:
             robot_control.get_logger().info('Program was interrupted')
         finally:
@@ -120,11 +125,40 @@ def drive(options: Options) -> DriveLog:
                 robot_control.destroy_node()
                 rclpy.try_shutdown()
     log = robot_control.drive_log
-    if options.starts_bridge and not options.calibrates and log.steps:
+    if options.prints_table and log.steps:
         print(drive_table(log, subscribers.stop_confirmed_after, terminal_columns()))
     if reporter is not None and (reporter.exit_code or reporter.failure is not None):
         raise RunFaultError(f'the report in {options.report} is incomplete')
     return log
+
+
+def _reports() -> ReportWriter:
+    """
+    Return an object that writes reports to standard output.
+
+    From now on, everything else that this process writes to standard output goes to standard
+    error, so that only reports reach the reader.
+    """
+    file = os.dup(STDOUT)
+    os.dup2(STDERR, STDOUT)
+    return ReportWriter(file)
+
+
+def _remote_control(
+        stack: contextlib.ExitStack, robot_control: KachakaSimpleControl,
+        reports: ReportWriter | None) -> RemoteControl | None:
+    """
+    Return an object that drives as lines on standard input command; None without reports.
+
+    :param stack: the stack of context managers; the robot is released before it is closed
+    :param robot_control: the node that drives the robot
+    :param reports: the object that writes the reports; None if no lines are read
+    """
+    if reports is None:
+        return None
+    remote = RemoteControl(robot_control, STDIN, reports)
+    stack.callback(remote.finish)
+    return remote
 
 
 def _start_subscribers(
@@ -145,7 +179,7 @@ def _start_subscribers(
     :returns: the process that writes the report; None without a report
     """
     # A lesson without a terminal needs no display, because the node logs each of its movements.
-    if not options.quiet and (not is_lesson or terminal.is_terminal(STDERR)):
+    if not options.is_quiet and (not is_lesson or terminal.is_terminal(STDERR)):
         subscribers.add(terminal.DisplayProcess())
     if options.report is not None:
         for missing in output_file.missing_libraries():
@@ -215,6 +249,13 @@ def _motion_file(options: Options) -> MotionFile | None:
     return motion_file
 
 
+def _title(options: Options, motion_file: MotionFile | None) -> str:
+    """Return the name of the drive, for reports."""
+    if options.pipe:
+        return 'remote control'
+    return 'lesson' if motion_file is None else motion_file.motion.name
+
+
 def _count_movements() -> int | None:
     """
     Return the number of movements in the lesson, the motion that is driven by default.
@@ -240,7 +281,10 @@ def _parameters(options: Options) -> list[Parameter]:
 
 def _run(
         robot_control: KachakaSimpleControl, motion_file: MotionFile | None, wait: bool,
-        keys: Keys) -> None:
+        keys: Keys, remote: RemoteControl | None) -> None:
+    if remote is not None:
+        remote.serve()
+        return
     if motion_file is None:
         with terminal.Keyboard(keys, robot_control.get_logger().warning):
             play_lesson(robot_control)

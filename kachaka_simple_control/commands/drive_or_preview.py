@@ -107,6 +107,8 @@ def _run(options: Options) -> None:
 
 def _drive_confirmed(options: Options) -> None:
     if options.address is not None and not options.yes:
+        if options.pipe:
+            raise UsageError('a robot will move: pass --yes, for --pipe asks nobody')
         from kachaka_simple_control.commands.preview import plan_view
         view = plan_view(options.motions[0] if options.motions else 'lesson', options)
         confirm(view.floor_size)

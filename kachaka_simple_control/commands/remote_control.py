@@ -1,0 +1,363 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Drive a robot as another program commands: commands on standard input, reports on standard output.
+
+Each line is a JSON object; ``console/protocol.py`` describes the lines.  The console in the
+browser uses this, and so may any other program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import math
+import os
+from queue import SimpleQueue
+import signal
+import threading
+import time
+
+from kachaka_simple_control.commands.remote_reports import ReportWriter, state_of
+from kachaka_simple_control.console import protocol
+from kachaka_simple_control.control.drive_requests import DriveRequest
+from kachaka_simple_control.control.hand_source import HandSource
+from kachaka_simple_control.control.robot_drive import RunState
+from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.control.timing import (
+    HAND_PERIOD,
+    REMOTE_REPORT_PERIOD,
+    REMOTE_REST_TIMEOUT,
+    REMOTE_SILENCE_TIMEOUT,
+    REMOTE_STATE_PERIOD,
+)
+from kachaka_simple_control.control.waiting import wait_until
+from kachaka_simple_control.errors import (
+    ControlError,
+    InvalidMotionError,
+    MotionRefusedError,
+    MotionRunningError,
+    UsageError,
+)
+from kachaka_simple_control.files.motion_file import loads, MotionFile
+from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
+from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.text import quoted
+
+READ_SIZE = 65536
+
+
+class RemoteControl:
+    """
+    Drives a robot as lines on standard input command.
+
+    Nothing is sent to the robot before the command ``take``.  While the robot is taken, it is
+    driven by hand: it stands still, or moves as the newest ``hand`` command says.  The command
+    ``run`` drives a motion; after the motion the robot is driven by hand again.  After a stop or a
+    fault the robot is no longer taken.
+
+    Three threads work here.  The main thread drives.  One thread executes the commands, and never
+    waits for another command, so that a stop is executed at once.  One thread writes reports.  It
+    also pauses a motion if no command has come for REMOTE_SILENCE_TIMEOUT (1 s), because nobody
+    could stop the motion then.
+
+    :param robot_control: the node that drives the robot
+    :param source: the file descriptor from which commands are read
+    :param writer: the object that writes the reports
+    """
+
+    def __init__(
+            self, robot_control: KachakaSimpleControl, source: int, writer: ReportWriter) -> None:
+        self._robot_control = robot_control
+        self._session = robot_control.session
+        self._commander = robot_control.commander
+        self._source = source
+        self._writer = writer
+        #: what the main thread does next; None ends it
+        self._jobs: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        #: protects what follows: a stop cancels all that was commanded before it
+        self._lock = threading.Lock()
+        self._stop_count = 0
+        self._is_taken = False
+        self._is_running_motion = False
+        self._hand: HandSource | None = None
+        #: the commands that are not answered yet: the robot is being taken, or released
+        self._take: int | None = None
+        self._release: int | None = None
+        self._reason: str | None = None
+        self._refusal = ''
+        self._is_over = False
+        self._heard = time.monotonic()
+
+    def serve(self) -> None:
+        """
+        Drive until the command ``release`` comes, or until standard input is closed.
+
+        :raises ControlError: if a signal or the guardian has stopped the robot permanently
+        """
+        self._robot_control.event_bus.subscribe(self._writer.on_event)
+        self._writer.write(protocol.Robot(**self._writer.describe(self._robot_control)))
+        for target in (self._read_commands, self._write_reports):
+            self._start_thread(target)
+        try:
+            while (job := self._jobs.get()) is not None:
+                job()
+        except BaseException as error:
+            signum = signal_dispatcher.signum
+            self._reason = str(error) if signum is None else (
+                f'stopped by {signal.Signals(signum).name}')
+            raise
+        finally:
+            self._is_over = True
+            self._writer.write(protocol.State('ended', reason=self._reason))
+
+    def finish(self) -> None:
+        """Answer the command ``release``; call this after the robot was released."""
+        if self._release is not None:
+            self._writer.write(protocol.Answer(self._release, True, 'released'))
+
+    def _read_commands(self) -> None:
+        rest = b''
+        while (data := os.read(self._source, READ_SIZE)) and len(rest) <= protocol.MAX_SIZE:
+            self._heard = time.monotonic()
+            *lines, rest = (rest + data).split(b'\n')
+            for line in lines:
+                self._execute_line(line)
+        self._on_closed()
+
+    def _execute_line(self, line: bytes) -> None:
+        try:
+            self._execute(protocol.read_command(line))
+        except protocol.MessageError as error:
+            self._writer.log('error', f'a command was not executed: {error}')
+
+    def _execute(self, command: protocol.Command) -> None:
+        """Execute a command; all that may take time is done in another thread."""
+        match command:
+            case protocol.Hand():
+                self._command_hand(command)
+            case protocol.Stop():
+                self._cancel()
+                self._start_thread(lambda: self._stop(command.id))
+            case protocol.Take():
+                self._answer_failure(command.id, lambda: self._begin_to_take(command.id))
+            case protocol.Run():
+                stop_count = self._stop_count
+                self._start_thread(lambda: self._answer(
+                    command.id, lambda: self._accept_motion(command, stop_count)))
+            case protocol.Pause():
+                self._answer(command.id, self._commander.pause)
+            case protocol.Resume():
+                self._start_thread(lambda: self._answer(
+                    command.id, self._commander.resume_when_confirmed))
+            case protocol.Speed():
+                self._start_thread(lambda: self._answer(
+                    command.id, lambda: self._set_speed(command.factor)))
+            case protocol.Release():
+                self._release = command.id
+                self._cancel()
+                self._start_thread(self._end)
+
+    def _command_hand(self, command: protocol.Hand) -> None:
+        hand = self._hand
+        if hand is None:
+            return
+        try:
+            hand.command(
+                Velocity(command.linear_x, command.angular_z), command.sequence, command.stamp)
+            self._refusal = ''
+        except (MotionRefusedError, InvalidMotionError) as error:
+            if str(error) != self._refusal:  # once, not 20 times a second
+                self._refusal = str(error)
+                self._writer.log('warning', f'a command by hand was refused: {error}')
+
+    def _begin_to_take(self, number: int) -> None:
+        with self._lock:
+            if self._is_taken:
+                raise MotionRefusedError('the robot is taken already')
+            # From now on a stop ends this drive, even before the robot is found.
+            request = self._session.request(elsewhere=True)
+            self._is_taken, self._take, self._reason = True, number, None
+            self._jobs.put(lambda: self._drive_by_hand(request))
+
+    def _accept_motion(self, command: protocol.Run, stop_count: int) -> str:
+        """
+        Check a motion, and let the main thread drive it.
+
+        :param command: the command, with the text of the motion
+        :param stop_count: the number of stops when the command came
+        :returns: a text for the user
+        :raises ControlError: if the motion may not be driven now
+        :raises InvalidMotionError: if the robot cannot drive the motion
+        """
+        robot = self._robot_control
+        motion_file = loads(command.text, command.name)
+        if motion_file.robot not in (None, robot.node_parameters.robot):
+            raise motion_file.error_at('robot', (
+                f'{quoted(motion_file.robot, 60)}, and this is {robot.profile.name}: leave it '
+                'out, or start with --robot'))
+        limits = motion_file.check(
+            robot.profile.planning_limits, robot.profile.name, robot.node_parameters.closed_loop)
+        with self._lock:
+            if self._stop_count != stop_count:
+                raise MotionRefusedError('a stop came after the command')
+            if not self._is_taken:
+                raise MotionRefusedError('the robot is not taken: take it first')
+            if self._is_running_motion:
+                raise MotionRunningError(
+                    'a motion is running already; wait for its end, or stop it')
+            self._is_running_motion = True
+            self._jobs.put(lambda: self._drive_motion(motion_file, limits))
+            self._jobs.put(lambda: self._drive_by_hand(None))
+            if self._hand is not None:
+                self._hand.end()
+        return 'started'
+
+    def _drive_by_hand(self, request: DriveRequest | None) -> None:
+        """
+        Drive by hand until the hand's drive ends, in the main thread.
+
+        :param request: the accepted request, which a stop may have cancelled meanwhile; None to
+            request the drive now, unless a stop has come
+        """
+        hand = HandSource(
+            self._robot_control.profile.planning_limits,
+            self._session.robot_drive.on_source_changed)
+        with self._lock:
+            if request is None:
+                if not self._is_taken:
+                    return
+                request = self._session.request()
+            self._hand = hand
+            if not self._jobs.empty():  # a motion was commanded meanwhile
+                hand.end()
+        try:
+            self._session.drive_source('by hand', hand, HAND_PERIOD, request)
+        except ControlError as error:
+            self._on_failure(error)
+        finally:
+            self._hand = None
+
+    def _drive_motion(self, motion_file: MotionFile, limits: Limits) -> None:
+        """Drive a motion in the main thread, unless a stop has come since it was accepted."""
+        try:
+            with self._lock:
+                if not self._is_taken:
+                    return
+                request = self._session.request()
+            self._robot_control.run(motion_file.motion, limits, request)
+        except ControlError as error:
+            self._on_failure(error)
+        finally:
+            self._is_running_motion = False
+
+    def _on_failure(self, error: ControlError) -> None:
+        """
+        Record that a drive has ended early; the robot was stopped and is no longer taken.
+
+        :raises ControlError: if the robot was stopped permanently
+        """
+        self._cancel()
+        self._reason = str(error) if self._release is None else None
+        if (number := self._take) is not None:
+            self._take = None
+            self._writer.write(protocol.Answer(number, False, str(error)))
+        if self._session.is_stopped_permanently:
+            raise error
+
+    def _cancel(self) -> None:
+        """Cancel all that was commanded so far and has not begun."""
+        with self._lock:
+            self._stop_count += 1
+            self._is_taken = False
+
+    def _stop(self, number: int) -> None:
+        is_done, odometry = True, self._session.odometry
+        try:
+            text = self._session.stop('a remote stop')
+        except ControlError as error:
+            is_done, text = False, str(error)
+        now = time.monotonic()
+        is_confirmed = None if odometry.age(now) is None else (
+            odometry.still_since(now) is not None)
+        self._writer.write(protocol.Answer(number, is_done, text, is_confirmed))
+
+    def _set_speed(self, factor: float) -> str:
+        self._commander.set_speed(factor)
+        return f'{factor:.0%}'
+
+    def _end(self) -> None:
+        """Stop the robot if it is taken, and end the main thread."""
+        try:
+            self._session.stop('the end of remote control')
+        except ControlError as error:
+            self._reason = str(error)
+        self._jobs.put(None)
+
+    def _on_closed(self) -> None:
+        """Stop the hand at once, and bring a motion to rest before it is stopped."""
+        if (hand := self._hand) is not None:
+            hand.stop()
+        elif self._is_running_motion:
+            self._commander.pause()
+            wait_until(lambda: self._session.robot_drive.is_at_rest, REMOTE_REST_TIMEOUT)
+        self._cancel()
+        self._end()
+
+    def _write_reports(self) -> None:
+        """Write a stamp for the hand and the state; pause a motion that nobody could stop."""
+        newest, written = None, -math.inf
+        while not self._is_over:
+            time.sleep(REMOTE_REPORT_PERIOD)
+            progress, hand = self._session.robot_drive.progress, self._hand
+            if hand is not None:
+                self._writer.write(protocol.Stamp(hand.stamp()))
+            if self._take is not None and progress.state in (RunState.DRIVING, RunState.HELD):
+                number, self._take = self._take, None
+                self._writer.write(protocol.Answer(number, True, 'ready'))
+            is_silent = time.monotonic() - self._heard > REMOTE_SILENCE_TIMEOUT
+            if self._is_running_motion and is_silent:
+                self._commander.pause()
+            state = state_of(
+                self._session, progress, self._writer.velocity, self._is_taken, hand is not None,
+                self._reason)
+            now = time.monotonic()
+            if state != newest or now - written >= REMOTE_STATE_PERIOD:
+                newest, written = state, now
+                self._writer.write(state)
+
+    def _answer(self, number: int, execute: Callable[[], str]) -> None:
+        """
+        Execute a command, and answer it.
+
+        :param number: the number of the command
+        :param execute: a function that executes the command and returns a text for the user, or
+            raises an error that says why the command was refused
+        """
+        try:
+            answer = protocol.Answer(number, True, execute())
+        except (ControlError, InvalidMotionError, UsageError) as error:
+            answer = protocol.Answer(number, False, str(error))
+        self._writer.write(answer)
+
+    def _answer_failure(self, number: int, execute: Callable[[], None]) -> None:
+        """Execute a command that is answered later; answer now only if it is refused."""
+        try:
+            execute()
+        except ControlError as error:
+            self._writer.write(protocol.Answer(number, False, str(error)))
+
+    @staticmethod
+    def _start_thread(function: Callable[[], None]) -> None:
+        threading.Thread(target=function, name='remote', daemon=True).start()

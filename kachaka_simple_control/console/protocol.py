@@ -1,0 +1,350 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+The lines between the console and the drive process, version 1.
+
+Each line is a JSON object with the keys ``v`` (1) and ``type``.  The console writes commands to
+the standard input of the drive process; the drive process writes reports to its standard output.
+The file ``protocol.schema.json`` describes the same lines for programs in other languages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, Literal
+
+from kachaka_simple_control.console.messages import (
+    by_type,
+    from_json,
+    MAX_INTEGER,
+    MAX_SIZE,
+    Message,
+    MessageError,
+    Range,
+    schema_of,
+    to_json,
+    VERSION,
+)
+
+__all__ = [
+    'COMMANDS',
+    'MAX_SIZE',
+    'REPORTS',
+    'SCHEMA',
+    'VERSION',
+    'Alive',
+    'Answer',
+    'Command',
+    'Hand',
+    'Log',
+    'MessageError',
+    'Pause',
+    'Release',
+    'Report',
+    'Request',
+    'Resume',
+    'Robot',
+    'Run',
+    'Sent',
+    'Speed',
+    'Stamp',
+    'State',
+    'StateName',
+    'Stop',
+    'Take',
+    'protocol_schema',
+    'read_command',
+    'read_report',
+    'to_json',
+    'write_line',
+]
+
+#: The path of the schema file in the package.
+SCHEMA = 'console/protocol.schema.json'
+
+#: The state of the drive process.
+StateName = Literal[
+    'standing by', 'taking', 'ready', 'driving by hand', 'driving', 'paused', 'stopping',
+    'stopped', 'ended']
+#: x [m], y [m] and heading [rad] in the frame of the odometry at the start.
+Pose = tuple[float, float, float]
+#: A whole number that the answer repeats; the console never uses one twice for one process.
+Id = Annotated[int, Range(0, MAX_INTEGER)]
+
+
+class Command(Message):
+    """A line from the console to the drive process."""
+
+
+@dataclass(frozen=True)
+class Request(Command):
+    """
+    A command that the drive process answers.
+
+    :param id: the number that the answer repeats
+    """
+
+    id: Id  # noqa: A003
+
+
+@dataclass(frozen=True)
+class Take(Request):
+    """Take the robot; answered when it is held at rest, ready for the hand, or refused."""
+
+    TYPE: ClassVar[str] = 'take'
+
+
+@dataclass(frozen=True)
+class Release(Request):
+    """Release the robot; the process answers and then ends with exit code 0."""
+
+    TYPE: ClassVar[str] = 'release'
+
+
+@dataclass(frozen=True)
+class Hand(Command):
+    """
+    The velocity wanted by the hand; not answered.
+
+    :param sequence: larger than in any earlier line of the same process
+    :param stamp: the newest stamp that the page has seen [s]
+    :param linear_x: the wanted velocity [m/s]
+    :param angular_z: the wanted angular velocity [rad/s]
+    """
+
+    TYPE: ClassVar[str] = 'hand'
+    sequence: Id
+    stamp: float
+    linear_x: float
+    angular_z: float
+
+
+@dataclass(frozen=True)
+class Run(Request):
+    """
+    Drive a motion; answered at once with accepted or refused.
+
+    :param text: the text of a motion file (YAML)
+    :param name: the file name for error messages
+    """
+
+    TYPE: ClassVar[str] = 'run'
+    text: str
+    name: str
+
+
+@dataclass(frozen=True)
+class Stop(Request):
+    """Stop the robot; answered when the stop is complete."""
+
+    TYPE: ClassVar[str] = 'stop'
+
+
+@dataclass(frozen=True)
+class Pause(Request):
+    """Pause the motion; answered at once."""
+
+    TYPE: ClassVar[str] = 'pause'
+
+
+@dataclass(frozen=True)
+class Resume(Request):
+    """Resume the paused motion; answered at once."""
+
+    TYPE: ClassVar[str] = 'resume'
+
+
+@dataclass(frozen=True)
+class Speed(Request):
+    """
+    Set the speed factor of the console; answered at once.
+
+    :param factor: the factor by which all speeds of a motion are multiplied
+    """
+
+    TYPE: ClassVar[str] = 'speed'
+    factor: Annotated[float, Range(0.01, 1.0)]
+
+
+@dataclass(frozen=True)
+class Alive(Command):
+    """A page is open; sent every 0.25 s meanwhile, and not answered."""
+
+    TYPE: ClassVar[str] = 'alive'
+
+
+class Report(Message):
+    """A line from the drive process to the console."""
+
+
+@dataclass(frozen=True)
+class Robot(Report):
+    """
+    The robot; the first line of a drive process, written once.
+
+    :param robot: the name of the robot
+    :param topic: the topic of the velocities
+    :param has_odometry: whether the robot reports odometry; without it, no stop is confirmed
+    :param max_linear_velocity: the largest forward velocity [m/s]
+    :param max_backward_velocity: the largest backward velocity, as a positive number [m/s]
+    :param max_angular_velocity: the largest angular velocity [rad/s]
+    :param footprint: the corners of the robot's outline as x and y [m]; None if unknown
+    """
+
+    TYPE: ClassVar[str] = 'robot'
+    robot: str
+    topic: str
+    has_odometry: bool
+    max_linear_velocity: float
+    max_backward_velocity: float
+    max_angular_velocity: float
+    footprint: tuple[tuple[float, float], ...] | None = None
+
+
+@dataclass(frozen=True)
+class Stamp(Report):
+    """
+    The clock of the drive process, every 0.05 s while the robot is taken.
+
+    :param stamp: CLOCK_BOOTTIME [s]
+    """
+
+    TYPE: ClassVar[str] = 'stamp'
+    stamp: float
+
+
+@dataclass(frozen=True)
+class Answer(Report):
+    """
+    The answer to a request.
+
+    :param id: the number of the request
+    :param is_done: whether the request was accepted or, where it takes time, is complete
+    :param text: for the user; with ``is_done`` false, the reason
+    :param is_confirmed: for a stop, whether odometry has shown that the robot stands still; None
+        if there is no odometry, and for other requests
+    """
+
+    TYPE: ClassVar[str] = 'answer'
+    id: Id  # noqa: A003
+    is_done: bool
+    text: str = ''
+    is_confirmed: bool | None = None
+
+
+@dataclass(frozen=True)
+class State(Report):
+    """
+    The state of the drive, at most 20 times a second, and only when something has changed.
+
+    :param state: what the drive process does
+    :param motion: the name of the motion that is driven or was driven last; None before any
+    :param step: the number of the current step, from 1; None outside a motion
+    :param steps: how many steps the motion has; None outside a motion
+    :param progress: the share of the motion's duration that is over, from 0 to 1
+    :param remaining: the time left at the current speed factors [s]
+    :param factors: the speed factors, by the name of who has set them
+    :param planned: the pose where the robot should be
+    :param driven: the pose where odometry says that the robot is
+    :param velocity: the velocity that was sent last [m/s] and [rad/s]
+    :param odometry_age: the age of the newest odometry [s]
+    :param reason: why the last motion ended, or why the process stops
+    """
+
+    TYPE: ClassVar[str] = 'state'
+    state: StateName
+    motion: str | None = None
+    step: int | None = None
+    steps: int | None = None
+    progress: Annotated[float, Range(0.0, 1.0)] | None = None
+    remaining: float | None = None
+    factors: Mapping[str, float] = field(default_factory=dict)
+    planned: Pose | None = None
+    driven: Pose | None = None
+    velocity: tuple[float, float] = (0.0, 0.0)
+    odometry_age: float | None = None
+    reason: str | None = None
+
+
+@dataclass(frozen=True)
+class Sent(Report):
+    """
+    The velocities that were really sent while a hand drove; equal neighbours are merged.
+
+    :param segments: for each velocity that has ended, the linear velocity [m/s], the angular
+        velocity [rad/s] and how long it was held [s]
+    """
+
+    TYPE: ClassVar[str] = 'sent'
+    segments: tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True)
+class Log(Report):
+    """
+    A message of the log.
+
+    :param level: the level
+    :param text: the text
+    """
+
+    TYPE: ClassVar[str] = 'log'
+    level: Literal['debug', 'info', 'warning', 'error']
+    text: str
+
+
+_COMMANDS: tuple[type[Command], ...] = (
+    Take, Release, Hand, Run, Stop, Pause, Resume, Speed, Alive)
+_REPORTS: tuple[type[Report], ...] = (Robot, Stamp, Answer, State, Sent, Log)
+#: The classes of commands, by type.
+COMMANDS = by_type(_COMMANDS)
+#: The classes of reports, by type.
+REPORTS = by_type(_REPORTS)
+
+
+def read_command(line: str | bytes) -> Command:
+    """
+    Read a command from a line; the line may end with a line break.
+
+    :param line: the line
+    :raises MessageError: if the line is no valid command
+    """
+    return from_json(line.rstrip(), COMMANDS)
+
+
+def read_report(line: str | bytes) -> Report:
+    """
+    Read a report from a line; the line may end with a line break.
+
+    :param line: the line
+    :raises MessageError: if the line is no valid report
+    """
+    return from_json(line.rstrip(), REPORTS)
+
+
+def write_line(message: Message) -> bytes:
+    """
+    Return a message as a line, with the line break.
+
+    :param message: a command or a report
+    :raises MessageError: if a number of the message is NaN or infinite, or the message is too long
+    """
+    return to_json(message).encode('ascii') + b'\n'
+
+
+def protocol_schema() -> dict[str, Any]:
+    """Return the JSON Schema of all lines, which ``protocol.schema.json`` contains."""
+    return schema_of(
+        'A line between the console and the drive process', {**COMMANDS, **REPORTS})

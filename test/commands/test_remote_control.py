@@ -1,0 +1,265 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Remote control: another program drives by lines on standard input."""
+
+from contextlib import contextmanager
+import signal
+import time
+
+from program import COMMAND, environment, JsonProcess
+import pytest
+from waiting import wait_until
+
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
+
+#: The command; its robot has no odometry.
+PIPE = [*COMMAND, '--pipe', '--ros-args', '-p', 'guardian:=false', '-p', 'prime_time:=0.2', '-p',
+        'odometry_timeout:=0.0']
+FORWARD = {'linear_x': 0.2, 'angular_z': 0.0}
+REST = {'linear_x': 0.0, 'angular_z': 0.0}
+MOTION = 'name: ahead\nrate: 10 Hz\nsteps: [move: {linear_x: 0.1, angular_z: 0, duration: 2 s}]\n'
+
+
+class Remote:
+    """A program that drives by lines, and what it reads."""
+
+    def __init__(self):
+        """Wait for the process."""
+        self.process, self.lines = None, []
+        self.stamp, self.sequence, self.number = 0.0, 0, 0
+        self.states = []
+
+    def on_line(self, line):
+        """Keep a report."""
+        assert line['v'] == 1
+        if line['type'] == 'stamp':
+            self.stamp = line['stamp']
+        elif line['type'] == 'state':
+            self.states.append(line)
+        else:
+            self.lines.append(line)
+
+    def send(self, kind, **values):
+        """Send a command; return its number."""
+        self.number += 1
+        number = {} if kind in ('hand', 'alive') else {'id': self.number}
+        self.process.write({'v': 1, 'type': kind, **number, **values})
+        return self.number
+
+    def answer(self, number):
+        """Wait for the answer to a command."""
+        return wait_until(lambda: next(
+            (line for line in self.lines
+             if line['type'] == 'answer' and line['id'] == number), None))
+
+    def ask(self, kind, **values):
+        """Send a command, and wait for its answer."""
+        return self.answer(self.send(kind, **values))
+
+    def hand(self, velocity, duration):
+        """Want a velocity for a while [s], as a hand that sends 20 commands a second."""
+        end = time.monotonic() + duration
+        while time.monotonic() < end:
+            self.sequence += 1
+            self.send('hand', sequence=self.sequence, stamp=self.stamp, **velocity)
+            time.sleep(0.05)
+
+    def take(self):
+        """Take the robot, and release the controls."""
+        answer = self.ask('take')
+        assert (answer['is_done'], answer['text']) == (True, 'ready')
+        wait_until(lambda: self.stamp)
+        self.hand(REST, 0.1)
+
+
+@contextmanager
+def remote(*options):
+    """Start the command in a block."""
+    control = Remote()
+    with JsonProcess([*PIPE, *options], control.on_line, env=environment()) as process:
+        control.process = process
+        yield control
+
+
+def moves(listener):
+    """Return the velocities that ask for motion."""
+    return [sent for sent in listener.received if sent.moves]
+
+
+def first_zero(listener, after):
+    """Return when the first zero after a time was sent [s, system clock]."""
+    return wait_until(lambda: next(
+        (sent.time for sent in listener.received if sent.time > after and not sent.moves), None))
+
+
+def test_nothing_is_sent_before_the_robot_is_taken_and_release_ends_it(listener):
+    with remote() as control:
+        robot = wait_until(lambda: control.lines and control.lines[0])
+        assert robot['type'] == 'robot'
+        assert (robot['robot'], robot['max_linear_velocity']) == ('kachaka', 0.3)
+        control.send('hand', sequence=1, stamp=0.0, **FORWARD)
+        refused = control.ask('run', text=MOTION, name='ahead.yaml')
+        assert refused['text'] == 'the robot is not taken: take it first'
+        assert not listener.received
+        control.take()
+        assert not moves(listener)
+        assert control.ask('release')['text'] == 'released'
+        assert control.process.end() == 0
+    assert not moves(listener)
+
+
+def test_a_hand_drives_until_its_lease_lapses(listener):
+    with remote() as control:
+        control.take()
+        control.hand(FORWARD, 1.0)
+        last = time.time()
+        zero = first_zero(listener, last)
+        assert zero - last < 0.35
+        time.sleep(0.2)
+        assert max(sent.time for sent in moves(listener)) < zero
+        assert max(sent.linear_x for sent in listener.received) == 0.2
+        # Whoever lost control has to release the controls first.
+        before = len(moves(listener))
+        control.hand(FORWARD, 0.3)
+        assert len(moves(listener)) == before
+        control.hand(REST, 0.1)
+        control.hand(FORWARD, 0.3)
+        assert len(moves(listener)) > before
+        control.ask('release')
+
+
+def test_what_was_driven_by_hand_is_reported(listener):
+    with remote() as control:
+        control.take()
+        control.hand(FORWARD, 1.0)
+        control.hand(REST, 0.3)
+        control.ask('release')
+    segments = [segment for line in control.lines if line['type'] == 'sent'
+                for segment in line['segments']]
+    held = listener.moves()
+    assert [one.linear_x for one in held] == [one[0] for one in segments if one[0]]
+    assert [one[2] for one in segments if one[0]] == pytest.approx(
+        [one.duration for one in held], abs=0.03)
+
+
+def test_a_motion_is_driven_exactly_and_then_the_hand_again(listener):
+    with remote() as control:
+        control.take()
+        assert control.ask('run', text=MOTION, name='ahead.yaml')['text'] == 'started'
+        end = time.monotonic() + 2.8
+        while time.monotonic() < end:
+            control.send('alive')
+            time.sleep(0.2)
+        held, = (one for one in listener.moves() if one.linear_x == 0.1)
+        assert held.duration == pytest.approx(2.0, abs=0.05)
+        assert control.states[-1]['state'] == 'ready'
+        assert {'driving', 'ready'} <= {state['state'] for state in control.states}
+        control.hand(REST, 0.1)
+        control.hand(FORWARD, 0.3)
+        assert max(sent.linear_x for sent in listener.received) > 0.1
+        control.ask('release')
+
+
+def test_a_motion_is_paused_when_nobody_could_stop_it(listener):
+    with remote() as control:
+        control.take()
+        control.ask('run', text=MOTION, name='ahead.yaml')
+        wait_until(lambda: control.states[-1]['state'] == 'paused')
+        assert control.states[-1]['factors'] == {'pause': 0.0}
+        assert control.ask('resume')['text'] == 'resumed'
+        assert control.ask('stop')['is_done']
+
+
+def test_a_stop_ends_a_motion_and_the_robot_is_no_longer_taken(listener):
+    with remote() as control:
+        control.take()
+        control.ask('run', text=MOTION, name='ahead.yaml')
+        wait_until(lambda: moves(listener))
+        asked = time.time()
+        answer = control.ask('stop')
+        # Without odometry nobody has seen it stand still.
+        assert (answer['is_done'], answer.get('is_confirmed')) == (True, None)
+        assert first_zero(listener, asked) - asked < 0.1
+        before = len(moves(listener))
+        control.hand(REST, 0.1)
+        control.hand(FORWARD, 0.3)
+        assert len(moves(listener)) == before
+        assert control.states[-1]['state'] == 'stopped'
+        control.take()
+        control.ask('release')
+
+
+def test_a_stop_cancels_a_robot_that_is_being_taken(listener):
+    with remote() as control:
+        wait_until(lambda: control.lines)
+        taking, stopping = control.send('take'), control.send('stop')
+        assert not control.answer(taking)['is_done']
+        assert control.answer(stopping)['is_done']
+        control.hand(REST, 0.1)
+        control.hand(FORWARD, 0.3)
+        assert not moves(listener)
+
+
+@pytest.mark.parametrize(('text', 'part'), [
+    ('steps: [forwrd: 1 m]', 'bad.yaml:1: step 1: forwrd: there is no such step; did you mean'),
+    ('steps: [forward: {distance: 1 m, speed: 9 m/s}]', '9.0 m/s is above'), ('', 'bad.yaml'),
+    ('robot: turtlebot3\nsteps: [forward: 1 m]', "'turtlebot3', and this is kachaka")])
+def test_a_motion_that_cannot_be_driven_is_refused_with_its_line(listener, text, part):
+    with remote() as control:
+        control.take()
+        answer = control.ask('run', text=text, name='bad.yaml')
+        assert not answer['is_done']
+        assert part in answer['text']
+        assert not moves(listener)
+
+
+def test_a_line_that_is_no_command_is_reported_and_nothing_else_happens(listener):
+    with remote() as control:
+        wait_until(lambda: control.lines)
+        control.process.process.stdin.write('{"v": 1, "type": "fly"}\nnonsense\n')
+        control.process.process.stdin.flush()
+        wait_until(lambda: len(control.lines) >= 3)
+        assert all('was not executed' in line['text'] for line in control.lines[1:])
+        control.take()
+
+
+@pytest.mark.parametrize('is_by_hand', [True, False])
+def test_when_its_commands_end_the_robot_is_stopped_and_it_ends(listener, is_by_hand):
+    with remote() as control:
+        control.take()
+        if is_by_hand:
+            control.hand(FORWARD, 0.5)
+        else:
+            control.ask('run', text=MOTION, name='ahead.yaml')
+            wait_until(lambda: moves(listener))
+        closed = time.time()
+        control.process.process.stdin.close()
+        assert control.process.end() == 0
+        assert time.time() - closed < 5.0
+        zero = first_zero(listener, closed)
+        # A motion brakes first.
+        assert zero - closed < (0.1 if is_by_hand else 2.0)
+        assert max(sent.time for sent in moves(listener)) < zero
+
+
+def test_a_signal_stops_the_robot_and_ends_it(listener):
+    with remote() as control:
+        control.take()
+        control.hand(FORWARD, 0.5)
+        sent = time.time()
+        control.process.send(signal.SIGINT)
+        assert control.process.end() == 130
+        assert first_zero(listener, sent) - sent < 0.1
+        wait_until(lambda: control.states[-1]['state'] == 'ended')
+        assert control.states[-1]['reason'] == 'stopped by SIGINT'

@@ -1,0 +1,186 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The lines and messages of the console: exact both ways, and strict."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+import json
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+import kachaka_simple_control
+from kachaka_simple_control.console import page_protocol, protocol
+from kachaka_simple_control.console.messages import from_json, MAX_INTEGER, Message, to_json
+from kachaka_simple_control.console.page_protocol import (
+    CONSOLE_MESSAGES,
+    PAGE_MESSAGES,
+    read_page_message,
+)
+from kachaka_simple_control.console.protocol import (
+    COMMANDS,
+    Hand,
+    MAX_SIZE,
+    MessageError,
+    protocol_schema,
+    read_command,
+    read_report,
+    Report,
+    REPORTS,
+    Run,
+    SCHEMA,
+    State,
+    write_line,
+)
+from optional_libraries import optional_imports
+import pytest
+
+with optional_imports():
+    from jsonschema import Draft7Validator
+
+FLOATS = st.floats(allow_nan=False, allow_infinity=False)
+TEXTS = st.text(st.characters(blacklist_categories=['Cs']), max_size=40)
+IDS = st.integers(0, MAX_INTEGER)
+POSES = st.tuples(FLOATS, FLOATS, FLOATS)
+FACTORS = st.floats(0.01, 1.0)
+STATES = st.builds(
+    State, state=st.sampled_from(['ready', 'driving', 'stopped']), motion=st.none() | TEXTS,
+    step=st.none() | st.integers(0, 99), steps=st.none() | st.integers(0, 99),
+    progress=st.none() | st.floats(0.0, 1.0), remaining=st.none() | FLOATS,
+    factors=st.dictionaries(TEXTS, FLOATS, max_size=3), planned=st.none() | POSES,
+    driven=st.none() | POSES, velocity=st.tuples(FLOATS, FLOATS),
+    odometry_age=st.none() | FLOATS, reason=st.none() | TEXTS)
+LINES = st.one_of(
+    st.builds(Hand, sequence=IDS, stamp=FLOATS, linear_x=FLOATS, angular_z=FLOATS),
+    st.builds(Run, id=IDS, text=TEXTS, name=TEXTS), st.builds(protocol.Speed, IDS, FACTORS),
+    st.builds(protocol.Stop, IDS), st.just(protocol.Alive()), STATES,
+    st.builds(protocol.Answer, IDS, st.booleans(), TEXTS, st.none() | st.booleans()),
+    st.builds(protocol.Sent, st.lists(POSES, max_size=4).map(tuple)),
+    st.builds(protocol.Stamp, FLOATS), st.builds(protocol.Log, st.just('info'), TEXTS))
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | TEXTS,
+    lambda parts: st.lists(parts, max_size=3) | st.dictionaries(TEXTS, parts, max_size=3),
+    max_leaves=8)
+HAND = {'v': 1, 'type': 'hand', 'sequence': 1, 'stamp': 2.0, 'linear_x': 0.1, 'angular_z': 0.0}
+
+
+@given(LINES)
+def test_a_line_is_read_as_it_was_written(message: Message):
+    line = write_line(message)
+    assert line.endswith(b'\n')
+    assert line.count(b'\n') == 1
+    read = read_report if isinstance(message, Report) else read_command
+    assert message == read(line)
+
+
+@given(st.binary(max_size=200) | st.text(max_size=200) | JSON.map(json.dumps))
+def test_anything_else_is_refused_in_one_sentence(text: str | bytes):
+    for read in (read_command, read_report, read_page_message):
+        with pytest.raises(MessageError) as caught:
+            read(text)
+        assert '\n' not in str(caught.value)
+
+
+@given(st.sampled_from(sorted({*HAND} - {'v', 'type'})), JSON)
+def test_no_value_of_a_wrong_kind_passes(key: str, value: object):
+    text = json.dumps({**HAND, key: value})
+    try:
+        command = read_command(text)
+    except MessageError:
+        return
+    assert isinstance(command, Hand)
+    assert not isinstance(value, bool)
+    assert getattr(command, key) == value
+
+
+@pytest.mark.parametrize('changes, reason', [
+    ({'v': 2}, "'v' is 2; it must be 1"),
+    ({'v': True}, "'v' is true"),
+    ({'type': 'fly'}, "'fly', which is unknown"),
+    ({'type': ['hand']}, 'a list, which is unknown'),
+    ({'sequence': 1.0}, "'sequence' is 1.0; it must be a whole number"),
+    ({'sequence': True}, "'sequence' is true; it must be a whole number"),
+    ({'sequence': -1}, 'a number from 0'),
+    ({'sequence': 10**30}, "'sequence' is too large"),
+    ({'stamp': '2'}, "'stamp' is '2'; it must be a number"),
+    ({'stamp': None}, "'stamp' is null; it must be a number"),
+    ({'linear_x': 10**400}, "'linear_x' is too large; it must be a finite number"),
+    ({'extra': 1}, "there is no key 'extra'"),
+])
+def test_a_wrong_value_is_named(changes: dict[str, object], reason: str):
+    with pytest.raises(MessageError) as caught:
+        read_command(json.dumps({**HAND, **changes}))
+    assert reason in str(caught.value)
+
+
+@pytest.mark.parametrize('text, reason', [
+    ('{"v":1,"type":"hand","sequence":1,"stamp":NaN,"linear_x":0,"angular_z":0}', 'NaN'),
+    ('{"v":1,"type":"hand","sequence":1,"stamp":1e999,"linear_x":0,"angular_z":0}', 'finite'),
+    ('{"v":1,"type":"stop"}', "'stop': 'id' is missing"),
+    ('{"v":1,"type":"stop","id":1,"id":2}', 'twice'),
+    ('{"v":1,"type":"run","id":1,"name":"","text":"\\ud800"}', 'half a character'),
+    ('[' * 60_000, 'no JSON text'),
+    ('[]', 'no JSON object'),
+    ('', 'no JSON text'),
+    (' ' * MAX_SIZE + '{}', 'more than 64000 bytes'),
+    ('"' + '\u20ac' * 22_000 + '"', 'more than 64000 bytes'),
+])
+def test_a_text_that_is_no_line_is_refused(text: str, reason: str):
+    with pytest.raises(MessageError) as caught:
+        from_json(text, COMMANDS)
+    assert reason in str(caught.value)
+
+
+def test_what_cannot_be_read_is_not_written():
+    with pytest.raises(MessageError, match="'hand'"):
+        to_json(Hand(1, float('nan'), 0.0, 0.0))
+    with pytest.raises(MessageError, match='more than 64000'):
+        write_line(Run(1, 'x' * MAX_SIZE, 'long'))
+
+
+def test_no_two_messages_of_one_direction_have_the_same_type():
+    for kinds in (COMMANDS, REPORTS, PAGE_MESSAGES, CONSOLE_MESSAGES):
+        assert all(kind.TYPE == name for name, kind in kinds.items())
+    assert not set(COMMANDS) & set(REPORTS)
+    defined = {kind for module in (protocol, page_protocol) for kind in vars(module).values()
+               if isinstance(kind, type) and issubclass(kind, Message) and kind.TYPE}
+    listed = [kind for kinds in (COMMANDS, REPORTS, PAGE_MESSAGES, CONSOLE_MESSAGES)
+              for kind in kinds.values()]
+    assert defined - {page_protocol.PageState} == set(listed)
+    assert len(listed) == len(set(listed))
+
+
+def test_the_state_of_a_page_has_all_of_the_drive():
+    assert {part.name for part in fields(State)} < {
+        part.name for part in fields(page_protocol.PageState)}
+
+
+def test_the_schema_file_is_that_of_the_classes():
+    path = Path(kachaka_simple_control.__file__).parent / SCHEMA
+    assert protocol_schema() == json.loads(path.read_text()), 'run tools/write_schemas.py'
+
+
+@pytest.mark.needs('jsonschema')
+@given(LINES)
+def test_the_schema_allows_each_line(message: Message):
+    Draft7Validator(protocol_schema()).validate(json.loads(to_json(message)))
+
+
+@pytest.mark.needs('jsonschema')
+def test_the_schema_refuses_what_the_reader_refuses():
+    validator = Draft7Validator(protocol_schema())
+    assert validator.is_valid(HAND)
+    for changes in ({'v': 2}, {'sequence': 'x'}, {'sequence': -1}, {'extra': 1}, {'type': 'x'}):
+        assert not validator.is_valid({**HAND, **changes})
