@@ -3,7 +3,7 @@
 # DOCS    the form that the documentation is built in: html, or linkcheck to try outer links too
 # PYTHON  the Python to use, 3.10 or newer
 # DISTRO  the ROS 2 to take from PyPI where none is sourced: jazzy (as by default) or kilted
-# QUICK   anything: bench, stop-matrix, lossy-link measure little, in minutes; docs stay as they are
+# QUICK   anything: bench, stop-matrix, console-matrix, lossy-link measure little, in minutes; docs stay as they are
 # MARKED  which tests: `ros`, `not ros`, `slow` ...; all by default, but for documents (make docs)
 # WORKERS how many processes share the real-time tests, which mostly wait; 0: one after the other
 # NO_BARS anything: bench does not fail when a threshold is missed
@@ -22,8 +22,8 @@ unexport PYTHONDONTWRITEBYTECODE
 AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-all test-lowest check floor bench stop-matrix lossy-link mutants colcon docs setup \
-    browser lock clean
+.PHONY: help run console test test-all test-lowest check floor bench stop-matrix console-matrix lossy-link mutants \
+    colcon docs setup browser lock clean
 
 help:  ## print this list
 	@echo 'make TARGET [PYTHON=python3.12] [DISTRO=kilted]'
@@ -31,6 +31,9 @@ help:  ## print this list
 
 run: setup  ## set up (30 s, once), then drive a simulated robot; 11 s
 	$(VENV)/bin/kachaka_simple_control --sim
+
+console: setup  ## set up, then serve the console of a simulated robot, for a browser on this machine
+	$(VENV)/bin/kachaka_console --sim
 
 # Pure tests first, on all cores; then those in real time, by more workers: they mostly wait.
 test: setup  ## set up, then run the tests; 5 to 6 minutes
@@ -65,6 +68,9 @@ bench: setup .venv-plots/made  ## measure beside the lesson's loop: half an hour
 
 stop-matrix: setup  ## let everything happen to a program that drives: an hour; QUICK=1: minutes
 	$(VENV)/bin/python -m benchmarks.stop_matrix $(if $(QUICK),--quick)
+
+console-matrix: setup  ## let everything happen to the console and its browser: 40 minutes; QUICK=1: 2
+	$(VENV)/bin/python -m benchmarks.console_matrix $(if $(QUICK),--quick)
 
 lossy-link: setup  ## stop and move over a bad link, as root: half an hour; QUICK=1: minutes
 	$(VENV)/bin/python -m benchmarks.lossy_link $(if $(QUICK),--quick)

@@ -29,7 +29,8 @@ setup(
     python_requires='>=3.10',
     packages=find_packages(include=[package_name, package_name + '.*']),
     package_data={package_name: [
-        'py.typed', 'motions/*', 'report/*.css', 'report/templates/*', 'robots/*', 'ros/*.xml']},
+        'py.typed', 'console/*.json', 'console/static/*', 'motions/*', 'report/*.css',
+        'report/templates/*', 'robots/*', 'ros/*.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
@@ -45,11 +46,11 @@ setup(
         'jazzy': [
             'ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-diagnostic-msgs', 'ros-jazzy-geometry-msgs',
             'ros-jazzy-nav-msgs', 'ros-jazzy-std-srvs',
-            'kachaka_simple_control[plot,report,live,recording,completion]'],
+            'kachaka_simple_control[plot,report,live,recording,completion,console]'],
         'kilted': [
             'ros-kilted-rclpy[fastrtps]', 'ros-kilted-diagnostic-msgs',
             'ros-kilted-geometry-msgs', 'ros-kilted-nav-msgs', 'ros-kilted-std-srvs',
-            'kachaka_simple_control[plot,report,live,recording,completion]'],
+            'kachaka_simple_control[plot,report,live,recording,completion,console]'],
         'plot': ['matplotlib>=3.5'],
         # The page of a report, with its pictures; without it, the figures and the recording.
         'report': ['Jinja2>=3.0', 'matplotlib>=3.5'],
@@ -59,6 +60,8 @@ setup(
         'recording': ['mcap>=1.5'],
         # Completion of the command in a shell.
         'completion': ['argcomplete>=1.8'],
+        # The console in the browser.
+        'console': ['tornado>=6.1'],
         'test': ['pytest', 'hypothesis'],
         # What the SDK of the robot needs; itself it is installed with --no-deps, for its pins name
         # one old grpcio that not every Python has, and a numpy that a sourced ROS may not have.
@@ -69,6 +72,7 @@ setup(
         'console_scripts': [
             'kachaka_simple_control = kachaka_simple_control.__main__:main',
             'kachaka_calibrate = kachaka_simple_control.entry_points:calibrate',
+            'kachaka_console = kachaka_simple_control.entry_points:console',
             'kachaka_compare = kachaka_simple_control.entry_points:compare',
             'kachaka_bridge = kachaka_simple_control.entry_points:bridge',
             'kachaka_sim = kachaka_simple_control.entry_points:simulate',

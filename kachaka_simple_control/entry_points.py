@@ -54,6 +54,15 @@ def compare() -> int:
     return run('commands.compare')
 
 
+def console() -> int:
+    """
+    Run the command ``kachaka_console``, and return its exit code.
+
+    The command serves a page for a browser, on which a person drives a robot.
+    """
+    return run('console.console_command')
+
+
 def bridge() -> int:
     """
     Run the command ``kachaka_bridge``, and return its exit code.

@@ -92,7 +92,7 @@ def test_pytest_is_named_or_colcon_runs_no_test():
 def test_the_extra_of_a_distro_is_the_ros_that_the_tests_run_with(distro):
     extra = ast.literal_eval(setup_arguments()['extras_require'])[distro]
     wanted = ROOT.joinpath('requirements', f'{distro}.in').read_text()
-    shown = 'kachaka_simple_control[plot,report,live,recording,completion]'
+    shown = 'kachaka_simple_control[plot,report,live,recording,completion,console]'
     assert extra == [*re.findall(r'^ros-\S+', wanted, re.MULTILINE), shown]
 
 
@@ -174,7 +174,8 @@ def test_wheel_has_all_commands_where_pip_puts_commands(wheel):
     entry_points = next(name for name in wheel.namelist() if name.endswith('entry_points.txt'))
     commands = re.findall(r'^(\w+) = ', wheel.read(entry_points).decode(), re.MULTILINE)
     assert sorted(commands) == [
-        'kachaka_bridge', 'kachaka_calibrate', 'kachaka_compare', 'kachaka_sim', NAME]
+        'kachaka_bridge', 'kachaka_calibrate', 'kachaka_compare', 'kachaka_console',
+        'kachaka_sim', NAME]
     # What setup.cfg says for colcon would put scripts below lib/.
     assert [name for name in wheel.namelist() if '.data/' in name and '/lib/' in name] == []
 

@@ -1,0 +1,225 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The command ``kachaka_console``: watch, drive and stop a robot with a page in a browser."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+from collections.abc import Sequence
+import os
+import signal
+import sys
+import threading
+import webbrowser
+
+from kachaka_simple_control.console.drive_process import drive_command
+from kachaka_simple_control.console.folder import Folder, FolderError
+from kachaka_simple_control.console.preview import PreviewWorker
+from kachaka_simple_control.console.security import bracketed, is_loopback, Tokens
+from kachaka_simple_control.exit_codes import BAD_USAGE, DONE, FAULTED, OneLineParser, SIGNALLED
+from kachaka_simple_control.kachaka.program import (
+    add_simulation_options,
+    address_argument,
+    ExitError,
+    simulation_parameters,
+    simulation_words,
+)
+from kachaka_simple_control.text import escaped, quoted
+
+PROGRAM = 'kachaka_console'
+PORT = 8400
+TORNADO_MISSING = (
+    'the page needs tornado, which is missing here; install it with: pip install '
+    "'kachaka_simple_control[console]', or sudo apt install python3-tornado")
+ROS_ARGUMENTS = '--ros-args'
+EPILOG = """
+exit codes: 0 done; 1 faulted; 2 bad usage; 128 + N ended by signal N
+"""
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """
+    Run the console until a signal ends it.
+
+    :param args: the command line arguments without the program's name; default: ``sys.argv[1:]``
+    :returns: the exit code of the program
+    """
+    options = parse(sys.argv[1:] if args is None else args)
+    try:
+        return run(options, drive_command(drive_options(options)))
+    except ExitError as error:
+        print(f'{PROGRAM}: {escaped(error, 400)}', file=sys.stderr)
+        return error.code
+    except KeyboardInterrupt:
+        return SIGNALLED + signal.SIGINT
+
+
+def parse(args: Sequence[str]) -> argparse.Namespace:
+    """
+    Parse the command line arguments.
+
+    :param args: the arguments without the program's name
+    :returns: the values of the options; ``ros_arguments`` are those from ``--ros-args`` on, for
+        the drive process
+    """
+    own, ros = list(args), []
+    if ROS_ARGUMENTS in own:
+        start = own.index(ROS_ARGUMENTS)
+        own, ros = own[:start], own[start:]
+    parser = _parser()
+    options = parser.parse_args(own)
+    simulation = simulation_words(vars(options))
+    if simulation and not options.sim:
+        parser.error(f'{simulation[0].partition("=")[0]} is about the simulated robot of --sim')
+    simulation_parameters(parser, options)
+    options.ros_arguments, options.simulation = ros, simulation
+    return options
+
+
+def drive_options(options: argparse.Namespace) -> list[str]:
+    """
+    Return the options for the drive process.
+
+    :param options: the options of the console
+    """
+    words = ['--sim'] if options.sim else []
+    for name in ('robot', 'address'):
+        value = getattr(options, name)
+        words += [f'--{name}={value}'] if value is not None else []
+    return [*words, *options.simulation, *options.ros_arguments]
+
+
+def needs_token(options: argparse.Namespace) -> bool:
+    """
+    Return whether a page can be opened only by one of the links that are printed.
+
+    :param options: the options
+    """
+    return options.token or not is_loopback(options.host)
+
+
+def run(options: argparse.Namespace, command: list[str]) -> int:
+    """
+    Run the console until a signal ends it.
+
+    :param options: the options
+    :param command: the command line of the drive process
+    :returns: the exit code
+    :raises ExitError: if tornado is missing, or the console cannot listen or open its folder
+    """
+    try:
+        import tornado  # noqa: F401
+    except ImportError:
+        raise ExitError(FAULTED, TORNADO_MISSING) from None
+    return asyncio.run(_run(options, command))
+
+
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog=PROGRAM, allow_abbrev=False, epilog=EPILOG,
+        description='Watch, drive and stop a robot with a page in a browser.')
+    add = parser.add_argument
+    add('--port', type=_port, default=PORT, metavar='PORT',
+        help='where to listen; 0: any port that is free (default: %(default)s)')
+    add('--host', default='127.0.0.1', metavar='HOST',
+        help='the address of this machine at which to listen; another than the default can be '
+             'reached by other machines, and only with one of the links that are printed')
+    add('--allow-host', action='append', default=[], metavar='NAME',
+        help='a further name of this machine in the links of browsers')
+    add('--token', action='store_true',
+        help='need a link with a token on this machine as well, because others use it too')
+    add('--folder', metavar='DIR',
+        help='offer the motion files of this folder, and save there (default: save nothing)')
+    add('--no-browser', action='store_true', help='do not open the page in a browser')
+    robot = parser.add_mutually_exclusive_group().add_argument
+    robot('--sim', action='store_true', help='start a simulated Kachaka')
+    robot('--address', type=lambda text: str(address_argument(text)), metavar='HOST',
+          help='connect to the real Kachaka at this address, HOST or HOST:PORT')
+    add('--robot', metavar='NAME',
+        help='kachaka, turtlebot3, generic, or the path of a profile (default: kachaka)')
+    group = parser.add_argument_group('errors of the simulated robot, with --sim')
+    add_simulation_options(group, 'the simulated robot')
+    add(ROS_ARGUMENTS, action='store_true', default=argparse.SUPPRESS,
+        help='everything after it is for ROS: remaps, parameters (-p robot_timeout:=30), ...')
+    return parser
+
+
+def _port(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and len(text) < 10 and int(text) <= 65535):
+        raise argparse.ArgumentTypeError(
+            f'{quoted(text, 60)} is no port; it must be a whole number from 0 to 65535')
+    return int(text)
+
+
+async def _run(options: argparse.Namespace, command: list[str]) -> int:
+    from kachaka_simple_control.console.hub import Hub
+    from kachaka_simple_control.console.server import ConsoleServer
+    loop, ended = asyncio.get_running_loop(), asyncio.Event()
+    signals: list[int] = []
+
+    def end(signum: int) -> None:
+        signals.append(signum)
+        ended.set()
+
+    for signum in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        loop.add_signal_handler(signum, end, signum)
+    try:
+        folder = Folder(options.folder)
+    except FolderError as error:
+        raise ExitError(BAD_USAGE, error) from None
+    tokens = Tokens() if needs_token(options) else None
+    hub = Hub(command, folder, PreviewWorker(options.robot))
+    try:
+        server = ConsoleServer(hub, options.host, options.port, tokens, tuple(options.allow_host))
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        where = f'{escaped(options.host, 60)}:{options.port}'
+        raise ExitError(BAD_USAGE, f'cannot listen at {where}: {reason}') from None
+    hub.start()
+    try:
+        link = _print_links(options, server.port, tokens)
+        if not options.no_browser and _has_screen():
+            # Some browsers return only when they are closed.
+            threading.Thread(target=webbrowser.open, args=(link,), daemon=True).start()
+        await ended.wait()
+    finally:
+        # The drive process first: without its console it must not go on.
+        await hub.close()
+        await server.close()
+    return SIGNALLED + signals[0] if signals else DONE
+
+
+def _print_links(options: argparse.Namespace, port: int, tokens: Tokens | None) -> str:
+    host = 'localhost' if options.host in ('0.0.0.0', '::') else options.host
+    if options.allow_host:
+        host = options.allow_host[0]
+    page = f'http://{bracketed(host)}:{port}/'
+    if tokens is None:
+        print(f'ready: {page}', flush=True)
+        return page
+    link = f'{page}?token={tokens.driver}'
+    print(f'ready: {link}', flush=True)
+    print(f'to look and stop only: {page}?token={tokens.viewer}', flush=True)
+    return link
+
+
+def _has_screen() -> bool:
+    """Return whether a browser can open a window; another would take over the terminal."""
+    return sys.platform == 'darwin' or any(
+        name in os.environ for name in ('DISPLAY', 'WAYLAND_DISPLAY'))
+
+
+if __name__ == '__main__':
+    sys.exit(main())

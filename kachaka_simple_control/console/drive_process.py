@@ -1,0 +1,358 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Start, watch and end the drive process, and exchange lines with it.
+
+The drive process is the only one that has ROS and that drives.  Nothing is queued for it: a line
+that its pipe cannot take at once is refused, and a stop then becomes a signal.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Sequence
+import contextlib
+import fcntl
+import os
+import re
+import signal
+import struct
+import subprocess
+import sys
+import termios
+from typing import Any, Literal
+
+from kachaka_simple_control.console.protocol import (
+    Alive,
+    Answer,
+    Hand,
+    Log,
+    MAX_SIZE,
+    MessageError,
+    read_report,
+    Release,
+    Report,
+    Request,
+    Robot,
+    State,
+    Stop,
+    write_line,
+)
+from kachaka_simple_control.control.output import has_room, STDERR
+from kachaka_simple_control.control.processes import child_environment, python_command
+from kachaka_simple_control.text import escaped
+
+#: The module of the drive process.
+MODULE = 'kachaka_simple_control.__main__'
+#: The wanted capacity of the pipe [bytes]: the longest line and some short ones.
+CAPACITY = 262_144
+#: No velocity of the hand is written while so much is unread [bytes]: about four lines.
+MAX_UNREAD = 512
+#: A process that has not answered a stop for this long is stopped by a signal [s].
+STOP_PATIENCE = 5.0
+#: How long the process has to end by itself after its pipe was closed [s], and then after SIGINT.
+END_PATIENCE = 8.0
+MAX_TEXT = 2000
+ProcessState = Literal['starting', 'running', 'ended']
+Level = Literal['debug', 'info', 'warning', 'error']
+_LEVEL = re.compile(r'\[(DEBUG|INFO|WARN|ERROR|FATAL)\]')
+_LEVELS: dict[str, Level] = {
+    'DEBUG': 'debug', 'INFO': 'info', 'WARN': 'warning', 'ERROR': 'error', 'FATAL': 'error'}
+
+
+class DriveProcess:
+    """
+    The drive process of a console; one at a time, started again after a release.
+
+    All methods must be called in the thread of the event loop.
+
+    :param command: the command line of the process
+    :param on_report: is called with each report
+    :param on_change: is called when ``state`` has changed
+    :ivar state: ``starting`` until the process has found its robot, then ``running``; ``ended``
+        if there is no process, and only a person's press starts a new one
+    :ivar reason: why the last process ended; None before that
+    """
+
+    def __init__(
+            self, command: Sequence[str], on_report: Callable[[Report], None],
+            on_change: Callable[[], None]) -> None:
+        self.state: ProcessState = 'ended'
+        self.reason: str | None = None
+        self._command = list(command)
+        self._on_report, self._on_change = on_report, on_change
+        self._process: asyncio.subprocess.Process | None = None
+        self._pipe: int | None = None
+        self._rest = b''
+        self._next_id = 0
+        self._waiting: dict[int, asyncio.Future[Answer]] = {}
+        self._errors: deque[str] = deque(maxlen=5)
+        self._stated_reason: str | None = None
+        self._is_released = self._is_closing = False
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    @property
+    def pid(self) -> int | None:
+        """Return the process ID; None if there is no process."""
+        return None if self._process is None else self._process.pid
+
+    def start(self) -> None:
+        """Start a process, if there is none."""
+        if self.state != 'ended' or self._is_closing:
+            return
+        # The pipe comes first: a stop while the process starts waits for it there.
+        reading, self._pipe = os.pipe2(os.O_CLOEXEC)
+        os.set_blocking(self._pipe, False)
+        with contextlib.suppress(OSError):
+            fcntl.fcntl(self._pipe, getattr(fcntl, 'F_SETPIPE_SZ', 1031), CAPACITY)
+        self._is_released, self._stated_reason, self._rest = False, None, b''
+        self._errors.clear()
+        self._change('starting')
+        self._spawn(self._run(reading))
+
+    def request(self, kind: type[Request], **values: Any) -> asyncio.Future[Answer]:
+        """
+        Send a command at once, and return the future of its answer.
+
+        The future never fails: if the command cannot be sent, or the process ends, its answer is
+        not done and says why.
+
+        :param kind: the class of the command
+        :param values: the fields of the command without ``id``
+        """
+        self._next_id += 1
+        future: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
+        command = kind(id=self._next_id, **values)
+        try:
+            line = write_line(command)
+        except MessageError as error:
+            future.set_result(Answer(command.id, False, str(error)))
+            return future
+        if self.state == 'ended':
+            future.set_result(Answer(command.id, False, 'the drive process does not run'))
+        elif self._write(line):
+            self._waiting[command.id] = future
+            if kind is Stop:
+                asyncio.get_running_loop().call_later(STOP_PATIENCE, self._insist, command.id)
+        elif kind is Stop:
+            self._waiting[command.id] = future
+            self._interrupt('it does not read its commands')
+        else:
+            future.set_result(
+                Answer(command.id, False, 'the drive process does not read its commands'))
+        return future
+
+    def hand(self, hand: Hand) -> bool:
+        """
+        Send a velocity of the hand, or drop it; return whether it was sent.
+
+        :param hand: the velocity
+        """
+        is_zero = hand.linear_x == hand.angular_z == 0.0
+        # What waits in the pipe would be obeyed late.  A zero never does harm.
+        return (is_zero or self._unread() < MAX_UNREAD) and self._write(write_line(hand))
+
+    def keep_alive(self) -> None:
+        """Tell the process that a page is open."""
+        if self._unread() < MAX_UNREAD:
+            self._write(write_line(Alive()))
+
+    async def close(self) -> None:
+        """End the process: close its pipe, and send it signals only if it does not end by that."""
+        self._is_closing = True
+        process = self._process
+        self._close_pipe()
+        for signum in (signal.SIGINT, signal.SIGTERM, None):
+            if process is None or await self._has_ended(process, END_PATIENCE):
+                break
+            if signum is not None:
+                with contextlib.suppress(ProcessLookupError):
+                    process.send_signal(signum)
+        if self._tasks:
+            await asyncio.wait(self._tasks, timeout=1.0)
+
+    async def _has_ended(self, process: asyncio.subprocess.Process, patience: float) -> bool:
+        try:
+            await asyncio.wait_for(process.wait(), patience)
+        except asyncio.TimeoutError:
+            return False
+        return True
+
+    def _spawn(self, work: Any) -> None:
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    def _change(self, state: ProcessState) -> None:
+        self.state = state
+        self._on_change()
+
+    async def _run(self, reading: int) -> None:
+        try:
+            self._process = process = await asyncio.create_subprocess_exec(
+                *self._command, stdin=reading, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                limit=2 * MAX_SIZE, env=child_environment())
+        except OSError as error:
+            self._close_pipe()
+            self._end(f'the drive process cannot be started: {error.strerror}')
+            return
+        finally:
+            os.close(reading)
+        assert process.stdout is not None
+        assert process.stderr is not None
+        await asyncio.gather(
+            self._read(process.stdout, self._take_report),
+            self._read(process.stderr, self._take_log))
+        code = await process.wait()
+        self._close_pipe()
+        self._process = None
+        is_again = self._is_released and code == 0 and not self._is_closing
+        self._end(None if is_again else self._reason_of(code))
+        if is_again:
+            self.start()
+
+    def _reason_of(self, code: int) -> str:
+        if self._stated_reason:
+            return self._stated_reason
+        how = f'by signal {-code}' if code < 0 else f'with exit code {code}'
+        last = f': {self._errors[-1]}' if self._errors and code else ''
+        return f'the drive process has ended {how}{last}'
+
+    def _end(self, reason: str | None) -> None:
+        self.reason = reason
+        self._change('ended')
+        waiting, self._waiting = self._waiting, {}
+        for request_id, future in waiting.items():
+            if not future.done():
+                future.set_result(Answer(request_id, False, reason or 'the robot was released'))
+
+    async def _read(self, stream: asyncio.StreamReader, take: Callable[[bytes], None]) -> None:
+        while True:
+            try:
+                line = await stream.readline()
+            except ValueError:  # longer than the limit; the stream has dropped it
+                self._on_report(Log('error', 'the drive process has written too long a line'))
+                continue
+            if not line:
+                return
+            take(line)
+
+    def _take_report(self, line: bytes) -> None:
+        try:
+            report = read_report(line)
+        except MessageError as error:
+            self._on_report(Log('error', f'a line of the drive process is invalid: {error}'))
+            return
+        if isinstance(report, Answer):
+            future = self._waiting.pop(report.id, None)
+            if future is not None and not future.done():
+                future.set_result(report)
+            return
+        if isinstance(report, State):
+            self._stated_reason = report.reason if report.state == 'ended' else None
+        self._on_report(report)
+        if isinstance(report, Robot):
+            self._change('running')
+
+    def _take_log(self, line: bytes) -> None:
+        text = line.decode('utf-8', 'replace').rstrip()
+        if not text:
+            return
+        found = _LEVEL.search(text)
+        level = _LEVELS[found[1]] if found else 'info'
+        text = escaped(text, MAX_TEXT)
+        if level != 'debug':
+            self._errors.append(text)
+        self._on_report(Log(level, text))
+        # A terminal shows the same, unless it is held (Ctrl+S): that must not hold the console.
+        if has_room(STDERR):
+            print(text, file=sys.stderr, flush=True)
+
+    def released(self) -> asyncio.Future[Answer]:
+        """Release the robot; the process ends, and a new one is started."""
+        future = self.request(Release)
+        future.add_done_callback(self._note_release)
+        return future
+
+    def _note_release(self, future: asyncio.Future[Answer]) -> None:
+        if not future.cancelled() and future.result().is_done:
+            self._is_released = True
+
+    def _insist(self, request_id: int) -> None:
+        if request_id in self._waiting:
+            self._interrupt(f'it has not answered a stop for {STOP_PATIENCE:g} s')
+
+    def _interrupt(self, why: str) -> None:
+        """Stop the drive process by SIGINT, which its own stop and its guardian know."""
+        if self._process is None:
+            return
+        self._on_report(Log('error', f'the drive process gets SIGINT, because {why}'))
+        with contextlib.suppress(ProcessLookupError):
+            self._process.send_signal(signal.SIGINT)
+
+    def _unread(self) -> int:
+        """Return how many bytes of the pipe the process has not read."""
+        if self._pipe is None:
+            return 0
+        data = fcntl.ioctl(self._pipe, termios.FIONREAD, b'\0' * 4)
+        return len(self._rest) + int(struct.unpack('i', data)[0])
+
+    def _write(self, line: bytes) -> bool:
+        """
+        Write a line, completely or not at all; return whether it was written.
+
+        :param line: the line
+        """
+        if self._pipe is None or self._rest:
+            return False
+        try:
+            count = os.write(self._pipe, line)
+        except BlockingIOError:
+            return False
+        except OSError:  # the process ends
+            return False
+        if count < len(line):
+            # Only a line of more than a page can be cut.  Its rest must follow before any other.
+            self._rest = line[count:]
+            asyncio.get_running_loop().add_writer(self._pipe, self._write_rest)
+        return True
+
+    def _write_rest(self) -> None:
+        if self._pipe is None:
+            return
+        try:
+            self._rest = self._rest[os.write(self._pipe, self._rest):]
+        except BlockingIOError:
+            return
+        except OSError:
+            self._rest = b''
+        if not self._rest:
+            asyncio.get_running_loop().remove_writer(self._pipe)
+
+    def _close_pipe(self) -> None:
+        if self._pipe is not None:
+            asyncio.get_running_loop().remove_writer(self._pipe)
+            os.close(self._pipe)
+            self._pipe = None
+
+
+def drive_command(options: Sequence[str]) -> list[str]:
+    """
+    Return the command line of the drive process.
+
+    :param options: the options of the robot, with ``--ros-args`` and what follows at the end
+    """
+    # The page has asked about the floor before it sends a command.
+    return [*python_command(MODULE), '--pipe', '--yes', *options]

@@ -1,0 +1,169 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Do for the pages what takes time: read and write files, and plan; each in a task of its own."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from functools import partial
+from typing import Any, Protocol, TypeVar
+
+from kachaka_simple_control.console.folder import FileExistsInFolderError, Folder, FolderError
+from kachaka_simple_control.console.page_protocol import (
+    AskPreview,
+    ConsoleMessage,
+    FileText,
+    ListMotions,
+    Motion,
+    Motions,
+    OpenFile,
+    PageAnswer,
+    PageRequest,
+    SaveFile,
+)
+from kachaka_simple_control.console.preview import PreviewWorker
+
+T = TypeVar('T')
+
+
+class Page(Protocol):
+    """An open page."""
+
+    @property
+    def may_drive(self) -> bool:
+        """Return whether the page may ask for the lease."""
+
+    @property
+    def is_behind(self) -> bool:
+        """Return whether the page has not yet taken the last messages."""
+
+    def send(self, message: ConsoleMessage) -> None:
+        """Send a message to the page, or drop the page if it does not take messages."""
+
+
+class PageWork:
+    """
+    The work for the pages that takes time.
+
+    :param folder: the folder of motion files
+    :param previews: the worker of the previews
+    :param pages: returns the open pages
+    """
+
+    def __init__(
+            self, folder: Folder, previews: PreviewWorker,
+            pages: Callable[[], tuple[Page, ...]]) -> None:
+        self.folder_name = folder.name
+        self._folder, self._previews, self._pages = folder, previews, pages
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._asked: dict[Page, AskPreview] = {}
+        self._planned_for: set[Page] = set()
+
+    def handle(self, page: Page, message: PageRequest) -> None:
+        """
+        Begin to handle a message about files or plans; the answer is sent later.
+
+        :param page: the page that has sent it
+        :param message: the message
+        """
+        match message:
+            case AskPreview():
+                self._ask_preview(page, message)
+            case SaveFile():
+                self.spawn(self._save(page, message))
+            case OpenFile():
+                self.spawn(self._open(page, message))
+            case ListMotions():
+                self.spawn(self._list((page,), message.request))
+
+    def spawn(self, work: Coroutine[Any, Any, None]) -> None:
+        """
+        Begin a task that ends with the console.
+
+        :param work: the coroutine
+        """
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def close(self) -> None:
+        """End all tasks and the worker, and close the folder."""
+        for task in self._tasks:
+            task.cancel()
+        await self._previews.close()
+        self._folder.close()
+
+    async def motions(self) -> tuple[Motion, ...]:
+        """Return the motions of the package and of the folder."""
+        return await in_thread(self._folder.motions)
+
+    async def read(self, name: str) -> str:
+        """
+        Return the text of a motion.
+
+        :param name: the name of a motion of the package, or the name of a file in the folder
+        :raises FolderError: if there is no such motion, or it cannot be read
+        """
+        return await in_thread(partial(self._folder.read, name))
+
+    def _ask_preview(self, page: Page, ask: AskPreview) -> None:
+        old = self._asked.get(page)
+        if old is not None:
+            page.send(PageAnswer(old.request, False, 'replaced by a newer one'))
+        self._asked[page] = ask
+        if page not in self._planned_for:
+            self._planned_for.add(page)
+            self.spawn(self._preview(page))
+
+    async def _preview(self, page: Page) -> None:
+        try:
+            while (ask := self._asked.pop(page, None)) is not None and page in self._pages():
+                page.send(await self._previews.preview(ask))
+        finally:
+            self._planned_for.discard(page)
+
+    async def _save(self, page: Page, message: SaveFile) -> None:
+        try:
+            await in_thread(partial(
+                self._folder.write, message.file, message.text, message.may_overwrite))
+        except FolderError as error:
+            page.send(PageAnswer(
+                message.request, False, str(error),
+                may_overwrite=isinstance(error, FileExistsInFolderError)))
+            return
+        page.send(PageAnswer(message.request, True, f'{message.file} is saved'))
+        await self._list(self._pages(), None)
+
+    async def _open(self, page: Page, message: OpenFile) -> None:
+        try:
+            text = await self.read(message.name)
+        except FolderError as error:
+            page.send(PageAnswer(message.request, False, str(error)))
+        else:
+            page.send(FileText(message.request, message.name, text))
+
+    async def _list(self, pages: tuple[Page, ...], request: int | None) -> None:
+        motions = await self.motions()
+        for page in pages:
+            page.send(Motions(request, motions))
+
+
+async def in_thread(function: Callable[[], T]) -> T:
+    """
+    Run a function in another thread, and return its result.
+
+    :param function: the function
+    """
+    return await asyncio.get_running_loop().run_in_executor(None, function)

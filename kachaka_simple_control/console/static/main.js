@@ -1,0 +1,197 @@
+// Copyright 2026 kachaka_simple_control contributors, licensed under the Apache License 2.0.
+/** Puts the page together: one connection, one state, and the parts that show it. */
+
+import {FloorQuestion} from './ask.js';
+import {Chart} from './chart.js';
+import {Connection} from './connection.js';
+import {byId, setStatus, setText} from './dom.js';
+import {Editor} from './editor.js';
+import {Gamepads} from './gamepad.js';
+import {Hand} from './hand.js';
+import {DriveKeys, watchStopKeys} from './keys.js';
+import {LeaseButton} from './lease.js';
+import {Library} from './library.js';
+import {Fault, Log} from './messages.js';
+import {PlanView} from './plan_view.js';
+import {Recorder} from './record.js';
+import {RunControls} from './run.js';
+import {StateView} from './state_view.js';
+import {Stick} from './stick.js';
+import {Stop} from './stop.js';
+
+/** How often ages and charts are drawn [ms]. */
+const DRAW_PERIOD = 100;
+/** The states in which the hand may drive. */
+const HAND_STATES = ['ready', 'driving by hand'];
+
+const page = {isOpen: false, wasOpen: false, mayDrive: false, robot: null, state: {}};
+const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
+const connection = new Connection(`${scheme}://${location.host}/ws`);
+const log = new Log(byId('log-lines'), byId('clear-log'));
+const fault = new Fault(byId('fault'), byId('fault-text'), byId('fault-close'), log);
+const showFault = text => fault.show(text);
+const planView = new PlanView(byId('plan-svg'));
+const charts = [
+  new Chart(byId('linear-svg'), 'linear'), new Chart(byId('angular-svg'), 'angular')];
+const stateView = new StateView();
+const question = new FloorQuestion();
+const hand = new Hand(connection);
+const stop = new Stop(
+  connection, hand, byId('stop-result'), [byId('stop'), byId('ask-stop')], showFault);
+const stick = new Stick(hand, byId('stick'), byId('knob'));
+const editor = new Editor(connection, byId('text'), byId('lines'), byId('problems'));
+const library = new Library(connection, editor, showFault);
+const lease = new LeaseButton(connection, question, byId('lease'), byId('lease-note'), showFault);
+const recorder = new Recorder(connection, library, showFault);
+const run = new RunControls(connection, question, editor, planView, {
+  run: byId('run'), pause: byId('pause'), note: byId('run-note'), speed: byId('speed'),
+  speedText: byId('speed-text')}, showFault);
+new DriveKeys(hand, document.querySelectorAll('.keys kbd'));
+new Gamepads(hand, () => stop.press(), byId('hand-source'));
+watchStopKeys(() => stop.press(), byId('stop'));
+
+/** Enable and disable what depends on connection, lease and state. */
+function refresh() {
+  const {state} = page;
+  lease.update(page);
+  run.update(page);
+  recorder.update(page);
+  const isMine = page.isOpen && state.driver === 'you';
+  const mayHold = isMine && state.process !== 'ended' && HAND_STATES.includes(state.state);
+  hand.enable(mayHold, page.isOpen ? `the robot is ${state.state}` : 'the connection was lost');
+  stick.base.setAttribute('aria-disabled', String(!mayHold));
+  setText(byId('hand-state'), handText(mayHold, isMine));
+}
+
+/** Return what the driver needs to know about driving by hand. */
+function handText(mayHold, isMine) {
+  if (!page.isOpen) return 'Off: there is no connection.';
+  if (!isMine) return 'Off: take the robot first.';
+  if (!mayHold) return `Off: the robot is ${page.state.state}.`;
+  if (hand.holder !== null) return `Driving by ${hand.holder}. Let go to stop.`;
+  return hand.note === '' ? 'Ready: hold stick, W A S D or arrows. Let go to stop.' :
+    `Ended: ${hand.note}. Press again.`;
+}
+
+/** Use a robot's limits and outline. */
+function useRobot(robot) {
+  if (robot === null) return;
+  page.robot = robot;
+  hand.limits = robot;
+  setText(byId('robot-name'), robot.robot);
+  setText(byId('robot-topic'), robot.topic);
+  document.title = `${robot.robot}: console`;
+  planView.setFootprint(robot.footprint);
+  charts[0].setLimits(-robot.max_backward_velocity, robot.max_linear_velocity);
+  const turn = robot.max_angular_velocity * 180 / Math.PI;
+  charts[1].setLimits(-turn, turn);
+}
+
+/** Return whether a motion is under way. */
+function isMoving() {
+  return ['driving', 'paused'].includes(page.state.state);
+}
+
+/** Return the pose at which a motion has just begun; unknown if the page was opened meanwhile. */
+function motionStart(before) {
+  return before === undefined ? [0, 0, 0] : page.state.planned ?? page.state.driven ?? null;
+}
+
+/** Show where the robot is, and where it should be while it drives a motion. */
+function showPoses() {
+  planView.setPoses(isMoving() ? page.state.planned ?? null : null, page.state.driven ?? null);
+}
+
+/** Take the differences of the state over. */
+function changeState(changes) {
+  const before = page.state.state;
+  Object.assign(page.state, changes);
+  const {state, reason, velocity} = page.state;
+  const isNew = state !== before;
+  if (isNew && state === 'taking') planView.restart(null);
+  if (isNew && state === 'driving' && before !== 'paused') planView.restart(motionStart(before));
+  if (isNew && ['taking', 'driving', 'driving by hand'].includes(state)) stop.forget();
+  if (isNew && state === 'ready' && before === 'driving by hand') hand.noteRest();
+  if (isNew || 'planned' in changes || 'driven' in changes) showPoses();
+  if ('velocity' in changes) {
+    const now = performance.now() / 1_000;
+    charts[0].add(velocity[0], now);
+    charts[1].add(velocity[1] * 180 / Math.PI, now);
+  }
+  if ('reason' in changes && reason) log.add('info', reason);
+  if (('process' in changes || 'reason' in changes) && page.state.process === 'ended' && reason) {
+    showFault(reason);
+  }
+  stateView.update(page.state);
+  refresh();
+}
+
+/** Say in large letters that there is no connection. */
+function showLost() {
+  const isLost = !page.isOpen && page.wasOpen;
+  if (byId('lost').hidden !== isLost) return;
+  byId('lost').hidden = !isLost;
+  setText(byId('lost-title'), isLost ? 'Connection lost' : '');
+  setText(byId('lost-text'), isLost ?
+    'This page cannot stop the robot now. Driving by hand has ended; a motion begun here pauses ' +
+    'when the server is silent. The page connects again by itself.' : '');
+}
+
+connection.addEventListener('open', () => {
+  page.isOpen = true;
+  page.wasOpen = true;
+  showLost();
+});
+connection.addEventListener('lost', () => {
+  page.isOpen = false;
+  question.cancel();
+  setStatus(byId('state'), page.wasOpen ? 'unknown' : 'connecting', 'bad');
+  showLost();
+  refresh();
+});
+connection.addEventListener('welcome', event => {
+  page.mayDrive = event.detail.may_drive;
+  useRobot(event.detail.robot);
+  library.welcome(event.detail);
+  if (editor.text !== '') editor.check();
+  refresh();
+});
+connection.addEventListener('robot', event => {
+  useRobot(event.detail.robot);
+  if (editor.text !== '') editor.check();
+});
+connection.addEventListener('state', event => changeState(event.detail.changes));
+connection.addEventListener('log', event => {
+  if (event.detail.level !== 'debug') log.add(event.detail.level, event.detail.text);
+});
+editor.addEventListener('plan', event => {
+  const plan = event.detail;
+  // A motion starts where the robot stands.
+  if (!isMoving()) planView.restart(null);
+  planView.setPlan(plan);
+  showPoses();
+  setText(byId('plan-area'), plan === null ? '–' : run.areaText());
+  setText(byId('plan-duration'), plan === null ? '–' : `${plan.duration.toFixed(1)} s`);
+  setText(byId('plan-steps'), plan === null ? '–' : String(plan.steps));
+});
+editor.addEventListener('change', () => run.update(page));
+hand.addEventListener('change', refresh);
+byId('lease').addEventListener('settled', refresh);
+byId('hand-speed').addEventListener('input', event => {
+  hand.scale = Number(event.target.value) / 100;
+  setText(byId('hand-speed-text'), `${event.target.value} %`);
+});
+
+setInterval(() => {
+  if (document.hidden) return;
+  const now = performance.now() / 1_000;
+  // While the robot is taken, the drive process sends stamps.
+  const isSilent = hand.isEnabled && hand.isLate;
+  stateView.showAges(connection.age, page.robot?.has_odometry ?? true, isSilent);
+  for (const chart of charts) chart.draw(now);
+}, DRAW_PERIOD);
+new ResizeObserver(() => document.documentElement.style.setProperty(
+  '--bar-height', `${document.querySelector('.bar').offsetHeight}px`,
+)).observe(document.querySelector('.bar'));
+refresh();
+connection.start();

@@ -1,0 +1,250 @@
+// Copyright 2026 kachaka_simple_control contributors, licensed under the Apache License 2.0.
+/** The plan to scale: path, direction, outline, area, grid and scale bar, and the live robot. */
+
+import {createSvg} from './dom.js';
+import {
+  arrowsOn, boxOf, joinBoxes, niceLength, outlineAt, relativeTo, sizeText, turnsOn,
+} from './geometry.js';
+
+/** The space around the drawn area, for labels [px]. */
+const MARGIN = 34;
+/** The area that is shown before there is a plan [m]. */
+const EMPTY_BOX = [-1, -0.75, 1, 0.75];
+/** Points of the driven path closer than this are not kept [m]. */
+const TRAIL_STEP = 0.005;
+const MOST_TRAIL_POINTS = 6_000;
+
+/** Draws into one SVG element, in its own pixels, so that text keeps its size. */
+export class PlanView {
+  /** @param {SVGElement} svg */
+  constructor(svg) {
+    this.svg = svg;
+    this.plan = null;
+    this.footprint = null;
+    this.trail = [];
+    this.poses = {planned: null, driven: null};
+    this.origin = null;
+    this.scene = createSvg('g');
+    this.live = createSvg('g');
+    this.trailLine = createSvg('polyline', {class: 'driven-line'});
+    this.bodies = {
+      planned: createSvg('path', {class: 'robot-planned'}),
+      driven: createSvg('path', {class: 'robot-driven'})};
+    this.live.append(this.trailLine, this.bodies.planned, this.bodies.driven);
+    svg.append(this.scene, this.live);
+    new ResizeObserver(() => this.draw()).observe(svg);
+  }
+
+  /** Return the floor area of the robot's outline: x0, y0, x1, y1 [m]; null without a plan. */
+  get area() {
+    return this.plan === null ? null : this.plan.box;
+  }
+
+  /** Show the outline of a robot [m]. */
+  setFootprint(footprint) {
+    this.footprint = footprint;
+    this.draw();
+  }
+
+  /** Show a plan, or none. */
+  setPlan(plan) {
+    this.plan = plan;
+    const label = plan === null ? 'No plan' :
+      `Plan from above: area ${sizeText(this.area)}, ${plan.duration.toFixed(1)} s, ` +
+      `${plan.steps} steps`;
+    this.svg.setAttribute('aria-label', label);
+    this.draw();
+  }
+
+  /**
+   * Forget the driven path, and begin anew with the plan's start at a pose.
+   * @param {number[]|null} origin the pose as it is told; null for that of the next one
+   */
+  restart(origin) {
+    this.origin = origin;
+    this.trail = [];
+    this.poses = {planned: null, driven: null};
+    this.draw();
+  }
+
+  /** Show where the robot should be and where odometry says that it is, as it is told. */
+  setPoses(toldPlanned, toldDriven) {
+    this.origin ??= toldDriven;
+    const shown = pose => pose && this.origin ? relativeTo(this.origin, pose) : pose;
+    const [planned, driven] = [shown(toldPlanned), shown(toldDriven)];
+    this.poses = {planned, driven};
+    if (driven !== null) {
+      const last = this.trail.at(-1);
+      const isNew = last === undefined ||
+        Math.hypot(driven[0] - last[0], driven[1] - last[1]) >= TRAIL_STEP;
+      if (isNew) this.trail.push(driven);
+      if (this.trail.length > MOST_TRAIL_POINTS) this.trail.shift();
+      if (!this.isInside(driven)) {
+        this.draw();
+        return;
+      }
+    }
+    this.drawLive();
+  }
+
+  /** Return whether a pose lies in the shown box. */
+  isInside([x, y]) {
+    const [x0, y0, x1, y1] = this.box;
+    return x >= x0 && x <= x1 && y >= y0 && y <= y1;
+  }
+
+  /** Fit the box to the plan and the driven path, and draw all. */
+  draw() {
+    this.width = this.svg.clientWidth || 600;
+    this.height = this.svg.clientHeight || 400;
+    let box = this.area;
+    if (this.trail.length > 0) {
+      const grown = boxOf(this.trail);
+      const edge = 0.3;
+      const trailBox = [grown[0] - edge, grown[1] - edge, grown[2] + edge, grown[3] + edge];
+      box = box === null ? trailBox : joinBoxes(box, trailBox);
+    }
+    this.box = box ?? EMPTY_BOX;
+    const [x0, y0, x1, y1] = this.box;
+    this.scale = Math.min(
+      (this.width - 2 * MARGIN) / Math.max(x1 - x0, 0.2),
+      (this.height - 2 * MARGIN) / Math.max(y1 - y0, 0.2));
+    this.middle = [(x0 + x1) / 2, (y0 + y1) / 2];
+    this.svg.setAttribute('viewBox', `0 0 ${this.width} ${this.height}`);
+    this.scene.replaceChildren();
+    this.drawGrid();
+    if (this.plan === null) this.drawEmpty();
+    else this.drawPlan();
+    this.drawScaleBar();
+    this.drawLive();
+  }
+
+  /** Return the pixels of a point [m]: x to the right, y up. */
+  at([x, y]) {
+    return [
+      this.width / 2 + (x - this.middle[0]) * this.scale,
+      this.height / 2 - (y - this.middle[1]) * this.scale];
+  }
+
+  /** Return points as the text of a polyline or path. */
+  text(points) {
+    return points.map(point => this.at(point).map(value => value.toFixed(1)).join(',')).join(' ');
+  }
+
+  /** Add an element to the scene. */
+  add(name, attributes, text = '') {
+    this.scene.append(createSvg(name, attributes, text));
+  }
+
+  /** Draw lines at round metres, the axes stronger. */
+  drawGrid() {
+    const step = Math.max(niceLength(90 / this.scale), 0.1);
+    const [halfWidth, halfHeight] = [this.width / 2 / this.scale, this.height / 2 / this.scale];
+    const [mx, my] = this.middle;
+    for (let n = Math.ceil((mx - halfWidth) / step); n * step <= mx + halfWidth; n += 1) {
+      const x = this.at([n * step, 0])[0];
+      const kind = n === 0 ? 'axis-line' : 'grid-line';
+      this.add('line', {class: kind, x1: x, x2: x, y1: 0, y2: this.height});
+    }
+    for (let n = Math.ceil((my - halfHeight) / step); n * step <= my + halfHeight; n += 1) {
+      const y = this.at([0, n * step])[1];
+      const kind = n === 0 ? 'axis-line' : 'grid-line';
+      this.add('line', {class: kind, x1: 0, x2: this.width, y1: y, y2: y});
+    }
+  }
+
+  /** Say that there is no plan. */
+  drawEmpty() {
+    this.add('text', {
+      class: 'empty-text halo', 'text-anchor': 'middle',
+      x: this.width / 2, y: 30,
+    }, 'No plan to show');
+  }
+
+  /** Draw area, outlines, path, arrows and turns. */
+  drawPlan() {
+    const {points} = this.plan;
+    const [x0, y0, x1, y1] = this.area;
+    const [left, top] = this.at([x0, y1]);
+    const [right, bottom] = this.at([x1, y0]);
+    this.add('rect', {
+      class: 'area-box', x: left, y: top, width: Math.max(right - left, 1),
+      height: Math.max(bottom - top, 1)});
+    this.add('text', {
+      class: 'area-text halo', x: (left + right) / 2, y: top - 9, 'text-anchor': 'middle',
+    }, sizeText(this.area));
+    if (this.footprint && points.length > 0) {
+      this.add('path', {class: 'footprint end', d: this.bodyPath(points.at(-1))});
+      this.add('path', {class: 'footprint', d: this.bodyPath(points[0])});
+    }
+    for (const turn of turnsOn(points)) this.drawTurn(turn);
+    this.add('polyline', {class: 'planned-line', points: this.text(points)});
+    for (const pose of arrowsOn(points, Math.max(0.25, 80 / this.scale))) this.drawArrow(pose);
+    if (points.length > 0) {
+      const [cx, cy] = this.at(points[0]);
+      this.add('circle', {class: 'start-dot', cx, cy, r: 5.5});
+    }
+  }
+
+  /** Draw an arrow in the direction of travel. */
+  drawArrow(pose) {
+    const [x, y] = this.at(pose);
+    this.add('path', {
+      class: 'arrow', d: 'M9,0 L-6,-7 L-3,0 L-6,7 Z',
+      transform: `translate(${x.toFixed(1)} ${y.toFixed(1)}) rotate(${degrees(-pose[2])})`});
+  }
+
+  /** Draw a turn in place as an arc with an arrow, beside the path. */
+  drawTurn({x, y, from, angle}) {
+    const radius = 15;
+    const sweep = Math.sign(angle) * Math.min(Math.abs(angle), 5.2);
+    const [cx, cy] = this.at([x, y]);
+    const on = heading => [cx + radius * Math.cos(heading), cy - radius * Math.sin(heading)];
+    const [start, end] = [on(from), on(from + sweep)];
+    const isLarge = Math.abs(sweep) > Math.PI ? 1 : 0;
+    this.add('path', {
+      class: 'turn-line',
+      d: `M${start} A${radius},${radius} 0 ${isLarge} ${angle > 0 ? 0 : 1} ${end}`});
+    const heading = from + sweep + Math.sign(angle) * Math.PI / 2;
+    this.add('path', {
+      class: 'arrow', d: 'M5,0 L-4,-4.5 L-4,4.5 Z',
+      transform: `translate(${end}) rotate(${degrees(-heading)})`});
+  }
+
+  /** Draw the scale bar at the lower left. */
+  drawScaleBar() {
+    const length = niceLength(Math.min(this.width / 4, 140) / this.scale);
+    const pixels = length * this.scale;
+    const y = this.height - 12;
+    this.add('path', {class: 'halo scale-bar', d: `M14,${y - 5} v5 h${pixels} v-5`});
+    this.add('path', {class: 'scale-bar', d: `M14,${y - 5} v5 h${pixels} v-5`});
+    this.add('text', {class: 'scale-text halo', x: 22 + pixels, y}, lengthText(length));
+  }
+
+  /** Draw the driven path and the robot, planned and driven. */
+  drawLive() {
+    this.trailLine.setAttribute('points', this.text(this.trail));
+    for (const [name, body] of Object.entries(this.bodies)) {
+      const pose = this.poses[name];
+      body.setAttribute('d', pose === null ? '' : this.bodyPath(pose));
+    }
+  }
+
+  /** Return the outline at a pose with a tick ahead; a small arrow if the outline is unknown. */
+  bodyPath(pose) {
+    const shape = this.footprint ?? [[0.1, 0], [-0.07, 0.07], [-0.07, -0.07]];
+    const front = Math.max(...shape.map(corner => corner[0]));
+    const tick = outlineAt([[front * 0.45, 0], [front, 0]], pose);
+    return `M${this.text(outlineAt(shape, pose))} Z M${this.text(tick)}`;
+  }
+}
+
+/** Return an angle in degrees, for a transform. */
+function degrees(angle) {
+  return (angle * 180 / Math.PI).toFixed(1);
+}
+
+/** Return a length as a label. */
+function lengthText(length) {
+  return length < 1 ? `${Math.round(length * 100)} cm` : `${length} m`;
+}

@@ -1,0 +1,111 @@
+// Copyright 2026 kachaka_simple_control contributors, licensed under the Apache License 2.0.
+/** Running a motion: the question about the floor, pause and resume, and the speed. */
+
+import {setText} from './dom.js';
+import {sizeText} from './geometry.js';
+
+/** The states in which the robot is not taken. */
+const FREE = ['standing by', 'stopped', 'ended'];
+/** The shortest time between two speed factors that are sent [ms]. */
+const SPEED_PERIOD = 100;
+
+/** The buttons of a motion. */
+export class RunControls {
+  /**
+   * @param {import('./connection.js').Connection} connection
+   * @param {import('./ask.js').FloorQuestion} question
+   * @param {import('./editor.js').Editor} editor
+   * @param {import('./plan_view.js').PlanView} planView
+   * @param {Object<string, HTMLElement>} parts run, pause, note, speed, speedText
+   * @param {function(string): void} showFault
+   */
+  constructor(connection, question, editor, planView, parts, showFault) {
+    Object.assign(this, {connection, question, editor, planView, parts, showFault});
+    this.state = {};
+    this.speedTimer = null;
+    this.speedSentAt = 0;
+    parts.run.addEventListener('click', () => this.run());
+    parts.pause.addEventListener('click', () => this.pauseOrResume());
+    parts.speed.addEventListener('input', () => this.changeSpeed());
+  }
+
+  /**
+   * Enable what is possible now, and say why the rest is not.
+   * @param {{isOpen: boolean, mayDrive: boolean, state: Object}} page
+   */
+  update({isOpen, state}) {
+    this.state = state;
+    const isMine = state.driver === 'you';
+    const isDriving = state.state === 'driving' || state.state === 'paused';
+    const reason = this.reasonAgainst(isOpen, isMine, isDriving);
+    this.parts.run.disabled = reason !== '';
+    setText(this.parts.note, isDriving ? '' : reason);
+    setText(this.parts.pause, state.state === 'paused' ? 'Resume' : 'Pause');
+    this.parts.pause.disabled = !isOpen || !isDriving || (state.state === 'paused' && !isMine);
+    this.parts.speed.disabled = !isOpen || !isMine;
+  }
+
+  /** Return why no motion may begin; an empty text if one may. */
+  reasonAgainst(isOpen, isMine, isDriving) {
+    if (!isOpen) return 'There is no connection.';
+    if (isDriving) return 'A motion is under way.';
+    if (!isMine || FREE.includes(this.state.state)) return 'Take the robot to run a motion.';
+    if (this.state.state !== 'ready') return `The robot is ${this.state.state}.`;
+    if (this.editor.text.trim() === '') return 'Choose a motion first.';
+    if (this.editor.checkedText !== this.editor.text) return 'The text is being checked.';
+    return this.editor.isPlanned ? '' : 'The text has errors.';
+  }
+
+  /** Ask about the floor, then run the text as it was checked. */
+  async run() {
+    const {text, plan} = this.editor;
+    const name = this.motionName();
+    const isFree = await this.question.ask({
+      subject: name, needs: 'needs an area of', area: this.areaText(),
+      more: `It takes ${plan.duration.toFixed(1)} s at full speed, from where the robot stands.`,
+      confirm: 'The floor is free: run'});
+    if (!isFree) return;
+    const answer = await this.connection.request('run', {text});
+    if (!answer.is_done) this.showFault(answer.text);
+  }
+
+  /** Return the size of the floor area of the plan. */
+  areaText() {
+    return sizeText(this.planView.area);
+  }
+
+  /** Return the name that the text gives its motion. */
+  motionName() {
+    const found = /^name:\s*(.+?)\s*$/m.exec(this.editor.text);
+    return found === null ? 'The motion' : found[1];
+  }
+
+  /** Pause the motion, or go on with it. */
+  async pauseOrResume() {
+    const type = this.state.state === 'paused' ? 'resume' : 'pause';
+    const answer = await this.connection.request(type);
+    if (!answer.is_done) this.showFault(answer.text);
+  }
+
+  /** Show the speed of the slider, and send it not too often; the last one always. */
+  changeSpeed() {
+    this.showSpeed();
+    if (this.speedTimer !== null) return;
+    const wait = Math.max(0, this.speedSentAt + SPEED_PERIOD - performance.now());
+    this.speedTimer = setTimeout(() => this.sendSpeed(), wait);
+  }
+
+  /** Show the speed of the slider. */
+  showSpeed() {
+    setText(this.parts.speedText, `${this.parts.speed.value} %`);
+  }
+
+  /** Send the speed of the slider as it is now. */
+  async sendSpeed() {
+    this.speedTimer = null;
+    this.speedSentAt = performance.now();
+    const answer = await this.connection.request(
+      'speed', {factor: Number(this.parts.speed.value) / 100});
+    if (!answer.is_done) this.showFault(answer.text);
+  }
+}

@@ -1,0 +1,74 @@
+// Copyright 2026 kachaka_simple_control contributors, licensed under the Apache License 2.0.
+/**
+ * STOP: from anybody who sees the page, without a lease. It is shown as done only when odometry
+ * has confirmed that the robot stands still.
+ */
+
+import {setStatus} from './dom.js';
+
+/** Sends stops and shows what became of the last one. */
+export class Stop {
+  /**
+   * @param {import('./connection.js').Connection} connection
+   * @param {import('./hand.js').Hand} hand
+   * @param {HTMLElement} result where the outcome is shown
+   * @param {HTMLElement[]} buttons the STOP buttons
+   * @param {function(string): void} showFault
+   */
+  constructor(connection, hand, result, buttons, showFault) {
+    this.connection = connection;
+    this.hand = hand;
+    this.result = result;
+    this.showFault = showFault;
+    this.count = 0;
+    for (const button of buttons) {
+      // When the button goes down, not when it comes up. A click without a pointer is a screen
+      // reader's or a key's.
+      button.addEventListener('pointerdown', event => {
+        if (event.button === 0) this.press();
+      });
+      button.addEventListener('click', event => {
+        if (event.detail === 0) this.press();
+      });
+    }
+  }
+
+  /** Stop the robot: the stop is sent before anything else happens. */
+  async press() {
+    const answered = this.connection.request('stop');
+    const count = ++this.count;
+    setStatus(this.result, 'stopping', 'busy');
+    this.hand.end('STOP was pressed');
+    const answer = await answered;
+    // The outcome of an older stop says nothing about a newer one.
+    if (count === this.count) this.showOutcome(answer);
+  }
+
+  /** Show the outcome of a stop. */
+  showOutcome(answer) {
+    if (answer.isLost) {
+      const [result, what] = answer.isUnsent ?
+        ['STOP not sent', 'STOP was not sent.'] :
+        ['STOP: no answer', 'STOP may not have reached the robot.'];
+      setStatus(this.result, result, 'bad');
+      this.showFault(
+        `${what} ${answer.text} Use the button on the robot, or stop it at the terminal.`);
+    } else if (!answer.is_done) {
+      setStatus(this.result, 'STOP failed', 'bad');
+      this.showFault(`STOP: ${answer.text}`);
+    } else if (answer.is_confirmed === true) {
+      setStatus(this.result, 'stopped (odometry confirms)', 'good');
+    } else if (answer.is_confirmed === false) {
+      setStatus(this.result, 'sent, odometry does not confirm', 'bad');
+      this.showFault(`STOP was sent, but odometry does not show that the robot stands still.`);
+    } else {
+      setStatus(this.result, 'sent, unconfirmed', 'warn');
+    }
+  }
+
+  /** The robot does something new: the outcome of the last stop is no longer news. */
+  forget() {
+    this.count += 1;
+    setStatus(this.result, '', 'idle');
+  }
+}

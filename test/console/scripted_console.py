@@ -1,0 +1,46 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Run the real console with the scripted drive process; ``--drive=WORD`` passes a word to it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import sys
+
+from kachaka_simple_control.console.console_command import parse, PROGRAM, run
+from kachaka_simple_control.kachaka.program import ExitError
+
+SCRIPT = Path(__file__).with_name('scripted_drive.py')
+DRIVE_OPTION = '--drive='
+
+
+def drive_command(*words: str) -> list[str]:
+    """Return the command line of the scripted drive process."""
+    return [sys.executable, str(SCRIPT), *words]
+
+
+def main(arguments: list[str]) -> int:
+    """Run the console until a signal ends it."""
+    words = [word.removeprefix(DRIVE_OPTION) for word in arguments
+             if word.startswith(DRIVE_OPTION)]
+    own = [word for word in arguments if not word.startswith(DRIVE_OPTION)]
+    try:
+        return run(parse([*own, '--no-browser']), drive_command(*words))
+    except ExitError as error:
+        print(f'{PROGRAM}: {error}', file=sys.stderr)
+        return error.code
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,96 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The command ``kachaka_console``: its options, its links, and what it needs."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+import subprocess
+import sys
+
+import kachaka_simple_control.console
+from kachaka_simple_control.console.console_command import (
+    drive_options,
+    main,
+    needs_token,
+    parse,
+)
+import pytest
+
+CONSOLE = Path(kachaka_simple_control.console.__file__).parent
+
+
+def test_options_of_the_robot_go_to_the_drive_process():
+    options = parse(['--port', '0', '--sim', '--lag', '0.1', '--docked', '--robot', 'kachaka',
+                     '--ros-args', '-r', '__ns:=/a'])
+    assert ['--sim', '--robot=kachaka', '--docked', '--lag=0.1', '--ros-args', '-r', '__ns:=/a'
+            ] == drive_options(options)
+    assert ['--address=192.0.2.1:26400'] == drive_options(parse(['--address', '192.0.2.1']))
+    assert [] == drive_options(parse([]))
+
+
+@pytest.mark.parametrize('words, reason', [
+    (['--port', 'x'], 'is no port'),
+    (['--port', '65536'], 'is no port'),
+    (['--lag', '0.1'], 'about the simulated robot of --sim'),
+    (['--sim', '--address', '192.0.2.1'], 'not allowed with'),
+    (['--prot', '1'], 'did you mean --port?'),
+])
+def test_a_wrong_option_is_one_line(
+        words: list[str], reason: str, capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit) as caught:
+        parse(words)
+    assert 2 == caught.value.code
+    text = capsys.readouterr().err
+    assert reason in text
+    assert 1 == text.count('\n')
+
+
+def test_without_tornado_a_sentence_says_what_to_install(
+        monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    monkeypatch.setitem(sys.modules, 'tornado', None)
+    assert 1 == main(['--no-browser'])
+    text = capsys.readouterr().err
+    assert "pip install 'kachaka_simple_control[console]'" in text
+    assert 1 == text.count('\n')
+
+
+@pytest.mark.needs('tornado', 'yaml', 'jsonschema')
+def test_a_folder_that_is_not_there_is_one_line(capsys: pytest.CaptureFixture[str]):
+    assert 2 == main(['--no-browser', '--port', '0', '--folder', '/nowhere'])
+    assert "the folder '/nowhere' cannot be opened" in capsys.readouterr().err
+
+
+def test_the_console_needs_no_ros():
+    code = ('import sys; from kachaka_simple_control.console import console_command, hub, server; '
+            'sys.exit(any(name.partition(".")[0] in ("rclpy", "geometry_msgs") '
+            'for name in sys.modules))')
+    pytest.importorskip('tornado')
+    assert 0 == subprocess.run([sys.executable, '-c', code], check=False, timeout=30).returncode
+
+
+def test_only_the_server_needs_tornado():
+    for path in CONSOLE.glob('*.py'):
+        imported = {
+            alias.name.partition('.')[0] for node in ast.parse(path.read_text()).body
+            if isinstance(node, ast.Import) for alias in node.names}
+        assert ('tornado' in imported) == (path.stem == 'server'), path
+
+
+@pytest.mark.parametrize('words, needed', [
+    ([], False), (['--host', '::1'], False), (['--token'], True), (['--host', '0.0.0.0'], True),
+    (['--host', '::'], True), (['--host', '192.0.2.1'], True), (['--host', 'robot.lan'], True)])
+def test_what_others_can_reach_needs_a_link(words: list[str], needed: bool):
+    assert needed == needs_token(parse(words))

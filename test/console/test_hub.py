@@ -1,0 +1,177 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The lease and the release of the robot in time, with a clock that the test sets."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+import time
+from typing import Any
+
+from kachaka_simple_control.console.folder import Folder
+from kachaka_simple_control.console.hub import Hub
+from kachaka_simple_control.console.lease import IDLE_TIME
+from kachaka_simple_control.console.messages import Message, to_json
+from kachaka_simple_control.console.page_protocol import (
+    ConsoleMessage,
+    Hello,
+    Lease,
+    PageAnswer,
+    PauseMotion,
+    RunMotion,
+    SetSpeed,
+    StateChanges,
+    TakeRobot,
+)
+from kachaka_simple_control.console.preview import PreviewWorker
+import pytest
+from scripted_console import drive_command as scripted
+
+pytestmark = pytest.mark.real_time
+
+
+class FakePage:
+    """A page that keeps what it is sent."""
+
+    may_drive = True
+    is_behind = False
+
+    def __init__(self, hub: Hub) -> None:
+        self.hub, self.messages, self.state = hub, [], {}
+        hub.open_page(self)
+        self.tell(Hello())
+
+    def send(self, message: ConsoleMessage) -> None:
+        """Keep a message."""
+        self.messages.append(message)
+        if isinstance(message, StateChanges):
+            self.state.update(message.changes)
+
+    def tell(self, message: Message) -> None:
+        """Send a message to the hub."""
+        self.hub.receive(self, to_json(message))
+
+    async def until(self, condition: Callable[[], Any]) -> None:
+        """Return when a condition is true; fail if it is not in time."""
+        end = time.monotonic() + 10.0
+        while not condition():
+            assert time.monotonic() < end, (self.state, self.messages[-3:])
+            await asyncio.sleep(0.005)
+
+    async def ask(self, message: Any) -> bool:
+        """Send a request, and return whether it is done."""
+        self.tell(message)
+        found: list[PageAnswer] = []
+
+        def is_answered() -> bool:
+            found[:] = [sent for sent in self.messages if isinstance(sent, PageAnswer)
+                        and sent.request == message.request]
+            return bool(found)
+
+        await self.until(is_answered)
+        return found[0].is_done
+
+
+def run(scenario: Callable[[Hub, list[float]], Any], *words: str) -> None:
+    """Run a scenario with a hub and the time on its clock, which the scenario may change."""
+    async def body() -> None:
+        now = [1000.0]
+        hub = Hub(scripted(*words), Folder(None), PreviewWorker(), lambda: now[0])
+        hub.start()
+        try:
+            await scenario(hub, now)
+        finally:
+            await hub.close()
+
+    asyncio.run(asyncio.wait_for(body(), 30.0))
+
+
+async def taken(hub: Hub) -> FakePage:
+    """Return a page that has taken the robot."""
+    page = FakePage(hub)
+    await page.until(lambda: page.state.get('process') == 'running')
+    assert await page.ask(Lease(1, True))
+    assert await page.ask(TakeRobot(2))
+    await page.until(lambda: page.state['state'] == 'ready')
+    return page
+
+
+def test_the_lease_ends_without_input_and_the_robot_is_released():
+    async def scenario(hub: Hub, now: list[float]) -> None:
+        page = await taken(hub)
+        now[0] += IDLE_TIME - 1.0
+        hub.tick()
+        assert 'you' == page.state['driver']
+        assert await page.ask(SetSpeed(3, 0.5))  # this is input
+        now[0] += IDLE_TIME - 1.0
+        hub.tick()
+        assert 'you' == page.state['driver']
+        now[0] += 1.0
+        hub.tick()
+        assert 'nobody' == page.state['driver']
+        await page.until(lambda: page.state['state'] == 'standing by')
+        await page.until(lambda: page.state['process'] == 'running')
+
+    run(scenario)
+
+
+def test_the_lease_does_not_end_while_a_motion_is_driven_or_paused():
+    async def scenario(hub: Hub, now: list[float]) -> None:
+        page = await taken(hub)
+        assert await page.ask(RunMotion(3, text='steps: []'))
+        await page.until(lambda: page.state['state'] == 'driving')
+        now[0] += 2.0 * IDLE_TIME
+        hub.tick()
+        assert 'you' == page.state['driver']
+        assert await page.ask(PauseMotion(4))
+        await page.until(lambda: page.state['state'] == 'paused')
+        now[0] += 2.0 * IDLE_TIME
+        hub.tick()
+        assert 'you' == page.state['driver']
+
+    run(scenario)
+
+
+def test_after_a_page_is_closed_another_has_a_minute_to_go_on():
+    async def scenario(hub: Hub, now: list[float]) -> None:
+        page = await taken(hub)
+        other = FakePage(hub)
+        hub.close_page(page)
+        await other.until(lambda: other.state.get('driver') == 'nobody')
+        now[0] += IDLE_TIME - 1.0
+        hub.tick()
+        await asyncio.sleep(0.2)
+        assert 'ready' == other.state['state']
+        now[0] += 1.0
+        hub.tick()
+        await other.until(lambda: other.state['state'] == 'standing by')
+
+    run(scenario)
+
+
+def test_the_robot_is_released_only_after_a_motion_that_is_driven():
+    async def scenario(hub: Hub, now: list[float]) -> None:
+        page = await taken(hub)
+        assert await page.ask(RunMotion(3, text='steps: []'))
+        await page.until(lambda: page.state['state'] == 'driving')
+        assert await page.ask(Lease(4, False))
+        now[0] += 2.0 * IDLE_TIME
+        hub.tick()
+        await asyncio.sleep(0.2)
+        assert 'driving' == page.state['state']
+        await page.until(lambda: page.state['state'] == 'standing by')
+        assert page.state['reason'] is None
+
+    run(scenario, '--duration=1.5')

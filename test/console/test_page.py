@@ -1,0 +1,440 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The page of the console in a real browser, with the real server and a scripted robot."""
+
+from itertools import pairwise
+import json
+import os
+import re
+import signal
+import time
+from urllib.parse import urlsplit
+
+from page_browser import chromium, Console, NOTHING, Page
+import pytest
+
+W, ESCAPE, SPACE = 'w', '\ue00c', ' '
+#: After the end of a hold, so long nothing more may be sent [s].
+QUIET = 0.5
+MARKUP = '<img src=x onerror=document.title=1>'
+
+
+@pytest.fixture(scope='module')
+def browser(tmp_path_factory):
+    """Yield a browser."""
+    with chromium(tmp_path_factory.mktemp('profile')) as driver:
+        yield driver
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory):
+    """Return the folder of the console."""
+    return tmp_path_factory.mktemp('motions')
+
+
+@pytest.fixture(scope='module')
+def record(tmp_path_factory):
+    """Return the file with the lines that the drive process has got."""
+    return tmp_path_factory.mktemp('record') / 'lines'
+
+
+@pytest.fixture(scope='module')
+def console(browser, folder, record):
+    """Yield a console."""
+    console = Console(folder, '--duration=3', f'--record={record}')
+    yield console
+    console.close()
+
+
+@pytest.fixture
+def page(browser, console):
+    """Return the page, newly loaded."""
+    return Page(browser, console.address).open()
+
+
+def is_zero(hand):
+    return hand['linear_x'] == 0.0 and hand['angular_z'] == 0.0
+
+
+def type_text(page, text):
+    """Replace the text of the editor as a user does: the events of the keyboard follow."""
+    page.run('const area = document.querySelector("#text"); area.value = arguments[0];'
+             'area.dispatchEvent(new Event("input", {bubbles: true}))', text)
+
+
+def agree(page):
+    page.wait(lambda: page.find('#ask').is_displayed(), 'the question')
+    page.click('#ask-run')
+
+
+def test_the_page_asks_no_other_host_and_breaks_no_rule(page, console):
+    own = urlsplit(console.address).netloc
+    assert {urlsplit(url).netloc for url in page.requests()} == {own}
+    assert len(page.requests()) > 15
+    assert page.complaints() == []
+    assert page.text('#state') in {'standing by', 'ready'}
+
+
+def test_a_held_key_sends_20_times_a_second(page):
+    page.take()
+    page.keys().key_down(W).perform()
+    time.sleep(2.0)
+    page.keys().key_up(W).perform()
+    time.sleep(QUIET)
+    hands = page.sent('hand')
+    moving = [hand for hand in hands if not is_zero(hand)]
+    # The drive process asks for a zero before the first velocity, and gets one at the end.
+    assert [is_zero(hand) for hand in hands] == [True] + len(moving) * [False] + [True]
+    gaps = [after['time'] - before['time'] for before, after in pairwise(moving)]
+    assert sum(gaps) / len(gaps) == pytest.approx(0.05, rel=0.1)
+    assert max(gaps) < 0.2
+    sequences = [hand['sequence'] for hand in hands]
+    assert sequences == list(range(sequences[0], sequences[0] + len(hands)))
+    stamps = [hand['stamp'] for hand in hands]
+    assert stamps == sorted(stamps)
+    # It is the newest stamp, but for one that has only just arrived.
+    told = page.received('stamp')
+    for hand in hands:
+        assert hand['stamp'] >= max(
+            stamp['stamp'] for stamp in told if stamp['time'] < hand['time'] - 0.05)
+    assert [hand['linear_x'] for hand in moving] == pytest.approx(len(moving) * [0.4 * 0.3])
+    assert {hand['angular_z'] for hand in moving} == {0}
+
+
+def hold_stick(page):
+    # Outside of the stick: it is captured.
+    page.hold_stick(0.0, -0.8)
+
+
+def hold_key(page):
+    page.keys().key_down(W).perform()
+
+
+def new_window(kind):
+    return lambda page: page.driver.switch_to.new_window(kind)
+
+
+def emulate(command, **values):
+    return lambda page: page.driver.execute_cdp_cmd(command, values)
+
+
+def dispatch(target, kind):
+    return lambda page: page.run(f'{target}.dispatchEvent(new Event("{kind}"))')
+
+
+@pytest.mark.parametrize('hold, end', [
+    pytest.param(hold_key, lambda page: page.keys().key_up(W).perform(), id='key released'),
+    pytest.param(hold_key, new_window('tab'), id='another tab'),
+    pytest.param(hold_key, dispatch('window', 'blur'), id='blur'),
+    pytest.param(hold_key, dispatch('window', 'pagehide'), id='pagehide'),
+    pytest.param(hold_key, emulate('Page.setWebLifecycleState', state='frozen'), id='frozen'),
+    pytest.param(hold_stick, lambda page: page.touch('touchEnd'), id='finger lifted'),
+    pytest.param(hold_stick, lambda page: page.touch('touchCancel'), id='pointercancel'),
+    pytest.param(hold_stick, new_window('tab'), id='another tab, finger down')])
+def test_the_end_of_a_hold_sends_one_zero_at_once_and_nothing_after_it(page, hold, end):
+    page.take()
+    hold(page)
+    page.wait(lambda: page.text('#state') == 'driving by hand', 'that the robot is driven')
+    before = len(page.sent('hand'))
+    end(page)
+    time.sleep(QUIET)
+    hands = page.sent('hand')
+    assert len(hands) > before
+    assert [is_zero(hand) for hand in hands] == [True] + (len(hands) - 2) * [False] + [True]
+    assert hands[-1]['time'] - hands[-2]['time'] < 0.15
+    page.let_go()
+
+
+def test_leaving_the_page_ends_the_hold_at_the_robot(page, record):
+    page.take()
+    hold_key(page)
+    page.wait(lambda: page.text('#state') == 'driving by hand', 'that the robot is driven')
+    left = time.monotonic()
+    page.driver.get('about:blank')
+    time.sleep(QUIET)
+    hands = [(entry['time'], is_zero(entry['line']))
+             for entry in map(json.loads, record.read_text().splitlines())
+             if entry['line']['type'] == 'hand']
+    end = next(place for place in reversed(range(len(hands))) if not hands[place][1])
+    # Here the browser tells no more what it has sent.  The server adds a zero of its own.
+    assert 1 <= len(hands) - 1 - end <= 2
+    assert hands[end + 1][0] - max(hands[end][0], left) < 0.25
+    page.let_go()
+
+
+def test_a_key_held_since_before_a_blur_has_to_be_pressed_anew(page):
+    page.take()
+    hold_key(page)
+    dispatch('window', 'blur')(page)
+    count = len(page.sent('hand'))
+    # The browser repeats a key that is held when the window gets the focus back.
+    page.run('dispatchEvent(new KeyboardEvent("keydown", {code: "KeyW", key: "w", repeat: true}))')
+    time.sleep(0.2)
+    assert len(page.sent('hand')) == count
+    page.keys().key_up(W).key_down(W).perform()
+    time.sleep(0.2)
+    assert len(page.sent('hand')) > count
+    page.keys().key_up(W).perform()
+
+
+def test_hidden_means_zero(page):
+    page.take()
+    hold_key(page)
+    page.run('Object.defineProperty(document, "hidden", {value: true, configurable: true});'
+             'document.dispatchEvent(new Event("visibilitychange"))')
+    time.sleep(0.2)
+    hands = page.sent('hand')
+    assert is_zero(hands[-1])
+    assert not is_zero(hands[-2])
+    page.keys().key_up(W).perform()
+
+
+def test_nothing_is_sent_by_hand_before_the_robot_is_taken_or_while_a_text_is_edited(page):
+    if page.text('#state') == 'ready':
+        page.take()
+        page.click('#lease')
+        page.wait(lambda: page.text('#state') == 'standing by', 'that the robot is released')
+    page.keys().key_down(W).perform()
+    time.sleep(0.2)
+    page.keys().key_up(W).perform()
+    page.take()
+    page.click('#text')
+    page.keys().key_down(W).key_up(W).perform()
+    page.click('#file')
+    page.keys().key_down(W).key_up(W).perform()
+    time.sleep(0.2)
+    assert page.sent('hand') == []
+
+
+def test_late_stamps_end_the_hold_until_the_next_press(page):
+    page.take()
+    pid = int(re.findall(r'process (\d+)', page.text('#log-lines'))[-1])
+    hold_key(page)
+    page.wait(lambda: page.text('#state') == 'driving by hand', 'that the robot is driven')
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        time.sleep(0.7)
+        hands = page.sent('hand')
+        assert is_zero(hands[-1])
+        assert 'stamps of the robot are late' in page.text('#hand-state')
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    time.sleep(0.4)
+    # The key is still held, and nothing follows.
+    assert len(page.sent('hand')) == len(hands)
+    page.let_go()
+
+
+GAMEPAD = """
+    window.pad = {index: 0, connected: true, axes: [0, 0, 0, 0],
+                  buttons: Array.from({length: 17}, () => ({pressed: false}))};
+    navigator.getGamepads = () => [window.pad];
+    const event = new Event('gamepadconnected');
+    event.gamepad = window.pad;
+    dispatchEvent(event);
+"""
+
+
+def test_a_gamepad_drives_while_its_shoulder_button_is_held(page):
+    page.take()
+    page.run(GAMEPAD)
+    page.run('pad.axes[1] = -1')
+    time.sleep(0.2)
+    assert page.sent('hand') == []
+    page.run('pad.buttons[4].pressed = true')
+    page.wait(lambda: page.text('#state') == 'driving by hand', 'that the robot is driven')
+    page.run('pad.connected = false')
+    time.sleep(QUIET)
+    hands = page.sent('hand')
+    assert [is_zero(hand) for hand in hands] == [True] + (len(hands) - 2) * [False] + [True]
+    assert 'the gamepad is gone' in page.text('#hand-state')
+    page.run(GAMEPAD.replace('pressed: false', 'pressed: true'))
+    page.wait(lambda: page.text('#stop-result') == 'stopped (odometry confirms)', 'the outcome')
+    assert len(page.sent('stop')) == 1
+
+
+def test_only_one_page_drives_and_every_page_stops(page):
+    page.run("""
+        const other = new WebSocket(`ws://${location.host}/ws`);
+        const send = message => other.send(JSON.stringify({v: 1, ...message}));
+        other.onopen = () => {
+            send({type: 'hello'});
+            send({type: 'lease', request: 1, want: true});
+        };
+        window.other = other;""")
+    page.wait(lambda: page.text('#lease-note') == 'Another page has the robot.', 'the other page')
+    assert not page.find('#lease').is_enabled()
+    assert not page.find('#run').is_enabled()
+    page.press(ESCAPE)
+    page.wait(lambda: page.text('#stop-result') == 'stopped (odometry confirms)', 'the outcome')
+    page.run('other.close()')
+    page.wait(lambda: page.find('#lease').is_enabled(), 'the lease button')
+
+
+def stop_button(page):
+    page.click('#stop')
+
+
+def stop_by(key, selector=None):
+    def press(page):
+        if selector is not None:
+            page.run('document.querySelector(arguments[0]).focus()', selector)
+        page.press(key)
+    return press
+
+
+@pytest.mark.parametrize('press', [
+    pytest.param(stop_button, id='button'),
+    pytest.param(stop_by(ESCAPE), id='escape'),
+    pytest.param(stop_by(ESCAPE, '#text'), id='escape in a text'),
+    pytest.param(stop_by(ESCAPE, '#speed'), id='escape on a slider'),
+    pytest.param(stop_by(SPACE), id='space'),
+    pytest.param(stop_by(SPACE, '#log-lines'), id='space on the log'),
+    pytest.param(stop_by(SPACE, '#stop'), id='space on the button'),
+    pytest.param(stop_by('\ue007', '#stop'), id='enter on the button')])
+def test_stop(page, press):
+    press(page)
+    page.wait(lambda: page.text('#stop-result') == 'stopped (odometry confirms)', 'the outcome')
+    assert len(page.sent('stop')) == 1
+
+
+@pytest.mark.parametrize('selector', ['#text', '#file', '#choice', '#clear-log', '#hand-speed'])
+def test_space_belongs_to_a_text_field_and_a_control(page, selector):
+    page.run('document.querySelector(arguments[0]).focus()', selector)
+    page.press(SPACE)
+    time.sleep(0.2)
+    assert page.sent('stop') == []
+
+
+def test_stop_comes_first_while_a_hand_drives(page):
+    page.take()
+    hold_key(page)
+    page.wait(lambda: page.text('#state') == 'driving by hand', 'that the robot is driven')
+    page.press(ESCAPE)
+    time.sleep(QUIET)
+    stop = page.sent('stop')[0]
+    after = [hand for hand in page.sent('hand') if hand['time'] >= stop['time']]
+    assert [is_zero(hand) for hand in after] == [True]
+    page.keys().key_up(W).perform()
+
+
+def test_errors_are_at_their_lines(page):
+    type_text(page, 'name: mine\nsteps:\n  - forward: 1 m\n  - sideways: 1 m\n')
+    page.wait(lambda: page.text('#problems').startswith('Line 4'), 'the error')
+    assert page.run('return [...document.querySelectorAll("#lines .wrong")].map('
+                    'line => line.textContent)') == ['4']
+    assert page.find('#text').get_attribute('aria-invalid') == 'true'
+    assert page.text('#plan-area') == NOTHING
+    page.click('#problems button')
+    assert page.run('const area = document.querySelector("#text"); return area.value.slice('
+                    'area.selectionStart, area.selectionEnd)') == '  - sideways: 1 m'
+    type_text(page, 'name: mine\nsteps:\n  - forward: 1 m\n')
+    page.wait(lambda: page.text('#plan-steps') == '1', 'the plan')
+    assert page.text('#problems') == ''
+    assert page.find('#text').get_attribute('aria-invalid') is None
+
+
+def test_text_from_outside_stays_text(page):
+    type_text(page, f'name: mine\nsteps:\n  - {MARKUP}: 1 m\n')
+    page.wait(lambda: MARKUP in page.text('#problems'), 'the error')
+    assert page.run('return document.querySelectorAll("img").length') == 0
+    assert page.driver.title == 'scripted: console'
+
+
+def test_the_plan_is_drawn_to_scale(page):
+    page.run('const choice = document.querySelector("#choice"); choice.value = "square";'
+             'choice.dispatchEvent(new Event("change"))')
+    page.wait(lambda: page.text('#plan-steps') == '8', 'the plan')
+    corners = page.run(
+        'return document.querySelector("#plan-svg .planned-line").getAttribute("points")'
+        '.split(" ").map(point => point.split(",").map(Number))')
+    xs, ys = zip(*corners)
+    bar = page.run(
+        'const bar = document.querySelectorAll("#plan-svg .scale-bar")[1].getBBox();'
+        'return [bar.width, document.querySelector("#plan-svg .scale-text").textContent]')
+    assert bar[1].endswith(' cm')
+    pixels = bar[0] / (float(bar[1].removesuffix(' cm')) / 100.0)
+    # Half a metre to each side, and the area as the plan in a terminal says it.
+    assert (max(xs) - min(xs)) / pixels == pytest.approx(0.5, abs=0.005)
+    assert (max(ys) - min(ys)) / pixels == pytest.approx(0.5, abs=0.005)
+    box = page.run('const box = document.querySelector("#plan-svg .area-box").getBBox();'
+                   'return [box.width, box.height]')
+    sizes = [float(size) for size in re.findall(r'[0-9.]+', page.text('#plan-area'))]
+    assert box == pytest.approx([size * pixels for size in sizes], rel=0.02)
+    for part in ('.arrow', '.turn-line', '.footprint', '.start-dot'):
+        assert page.run('return document.querySelectorAll(arguments[0]).length', part) > 0
+    assert page.find('#plan-svg').get_attribute('aria-label').startswith(
+        f'Plan from above: area {page.text("#plan-area")}')
+
+
+def test_a_motion_runs_after_the_question_about_the_floor(page):
+    page.take()
+    page.wait(lambda: page.find('#run').is_enabled(), 'the run button')
+    page.click('#run')
+    page.wait(lambda: page.find('#ask').is_displayed(), 'the question')
+    assert page.text('#ask-area') == page.text('#plan-area')
+    assert page.run('return document.activeElement.id') == 'ask-cancel'
+    page.click('#ask-cancel')
+    assert page.sent('run') == []
+    page.click('#run')
+    agree(page)
+    page.wait(lambda: page.text('#state') == 'driving', 'that the robot is driven')
+    assert page.sent('run')[0]['text'] == page.run('return document.querySelector("#text").value')
+    page.click('#pause')
+    page.wait(lambda: page.text('#pause') == 'Resume', 'the pause')
+    page.click('#pause')
+    page.wait(lambda: page.text('#state') == 'driving', 'that it goes on')
+    page.run('const speed = document.querySelector("#speed"); speed.value = "50";'
+             'speed.dispatchEvent(new Event("input"))')
+    page.wait(lambda: '50 %' in page.text('#factors'), 'who holds the speed factor')
+    assert page.sent('speed')[-1]['factor'] == 0.5
+    page.wait(lambda: page.text('#progress-text') not in {NOTHING, '0 %'}, 'the progress')
+    page.wait(lambda: page.text('#remaining').endswith(' s'), 'the time left')
+    assert page.run('return document.querySelector(".driven-line").getAttribute("points").length')
+    page.press(ESCAPE)
+    page.wait(lambda: page.text('#stop-result') == 'stopped (odometry confirms)', 'the outcome')
+
+
+def test_the_question_has_a_stop_of_its_own(page):
+    page.wait(lambda: page.find('#lease').is_enabled(), 'the lease button')
+    page.click('#lease')
+    page.wait(lambda: page.find('#ask').is_displayed(), 'the question')
+    page.click('#ask-stop')
+    page.wait(lambda: page.text('#stop-result') == 'stopped (odometry confirms)', 'the outcome')
+    page.press(ESCAPE)
+    assert not page.find('#ask').is_displayed()
+    assert len(page.sent('stop')) == 2
+    assert page.sent('take') == []
+
+
+def test_a_drive_by_hand_is_recorded_saved_and_opened_again(page, folder):
+    page.take()
+    page.click('#record')
+    page.wait(lambda: page.text('#record') == 'End recording', 'that it records')
+    page.run('document.activeElement.blur()')
+    hold_key(page)
+    time.sleep(0.5)
+    page.keys().key_up(W).perform()
+    time.sleep(0.3)
+    page.click('#record')
+    page.wait(lambda: page.find('#replay').is_enabled(), 'the record')
+    page.click('#replay')
+    page.wait(lambda: 'move' in page.run('return document.querySelector("#text").value'), 'it')
+    page.wait(lambda: page.text('#plan-duration') != NOTHING, 'its plan')
+    file = page.run('return document.querySelector("#file").value')
+    page.click('#save')
+    page.wait((folder / file).exists, 'that it is saved')
+    page.wait(lambda: file in page.text('#choice'), 'the file in the list')
+    page.click('#save')
+    page.wait(lambda: page.text('#save-result').endswith(f'Replace {file}'), 'that it exists')

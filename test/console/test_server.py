@@ -1,0 +1,375 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A page drives through the console: hand, motions, stop, recordings, and all that can end."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+from console_client import console, ConsoleProgram, PageClient, serve
+from kachaka_simple_control.console.page_protocol import (
+    AskPreview,
+    Lease,
+    PauseMotion,
+    Record,
+    ReleaseRobot,
+    ResumeMotion,
+    RunMotion,
+    SetSpeed,
+    Start,
+    StopRobot,
+    TakeRobot,
+)
+from kachaka_simple_control.files.motion_file import loads
+import pytest
+from waiting import wait_until
+
+pytestmark = [pytest.mark.needs('tornado', 'yaml', 'jsonschema'), pytest.mark.real_time]
+
+
+async def drive(client: PageClient, linear_x: float, duration: float) -> None:
+    """Hold a direction for a time [s], with 20 messages a second."""
+    end = time.monotonic() + duration
+    while time.monotonic() < end:
+        client.hand(linear_x)
+        await asyncio.sleep(0.05)
+
+
+def test_the_first_state_is_whole_and_the_others_are_differences(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        welcome = await page.greet()
+        assert welcome['may_drive']
+        assert welcome['folder'] is None
+        assert {'name': 'square', 'is_file': False} in welcome['motions']
+        await page.until(lambda: page.state['process'] == 'running')
+        assert {'state', 'velocity', 'factors', 'driver', 'watchers'} <= {*page.state}
+        assert 'nobody' == page.state['driver']
+        await page.ask(Lease, want=True)
+        assert 'you' == page.state['driver']
+        robots = [message['robot'] for message in page.messages
+                  if message['type'] in ('robot', 'welcome') and message['robot']]
+        assert 'scripted' == robots[0]['robot']
+
+    serve(tmp_path, scenario)
+
+
+def test_velocities_pass_with_their_stamps_unchanged(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        await page.take()
+        sent = []
+        for linear_x, angular_z in ((0.0, 0.0), (0.1, 0.0), (0.1, -0.25), (0.123456789, 0.0)):
+            text = page.hand_text(linear_x, angular_z)
+            sent.append(json.loads(text))
+            page.send_text(text)
+            await asyncio.sleep(0.03)
+        page.hand(0.0)
+        await page.until(lambda: len(program.lines('hand')) == 5)
+        lines = program.lines('hand')
+        for text, line in zip(sent, lines):
+            assert [text[key] for key in ('stamp', 'linear_x', 'angular_z')] == [
+                line[key] for key in ('stamp', 'linear_x', 'angular_z')]
+        assert len({line['sequence'] for line in lines}) == 5
+
+    serve(tmp_path, scenario)
+
+
+def test_no_velocity_is_repeated_queued_or_sent_twice(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        await page.take()
+        page.hand(0.0)
+        text = page.hand_text(0.1)
+        for _ in range(3):
+            page.send_text(text)
+        page.send_text(json.dumps({**json.loads(text), 'sequence': 1}))
+        await page.until(lambda: page.state['state'] == 'driving by hand')
+        await page.until(lambda: page.state['state'] == 'ready')
+        await asyncio.sleep(0.3)
+        assert [0.0, 0.1] == [line['linear_x'] for line in program.lines('hand')]
+
+    serve(tmp_path, scenario)
+
+
+def test_stale_velocities_of_a_burst_pass_with_their_age_and_are_not_obeyed(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        await page.take()
+        page.hand(0.0)
+        old = page.stamp
+        await asyncio.sleep(0.5)
+        for _ in range(10):
+            page.hand(0.2, stamp=old)
+        # The first of the burst pass; while they are unread, the others are dropped.
+        await page.until(lambda: len(program.lines('hand')) > 3)
+        assert {old} == {line['stamp'] for line in program.lines('hand')}
+        await asyncio.sleep(0.2)
+        assert [0.0, 0.0] == page.state['velocity']
+
+    serve(tmp_path, scenario)
+
+
+@pytest.mark.parametrize('how', ['close', 'give up'])
+def test_who_loses_the_lease_while_driving_sends_a_zero(tmp_path: Path, how: str):
+    async def scenario(program: ConsoleProgram) -> None:
+        page, other = await PageClient.connect(program), await PageClient.connect(program)
+        await page.take()
+        await other.greet()
+        page.hand(0.0)
+        await drive(page, 0.2, 0.3)
+        last = program.lines('hand')[-1]
+        if how == 'close':
+            page.close()
+        else:
+            await page.ask(Lease, want=False)
+        await other.until(lambda: other.state['driver'] == 'nobody')
+        await other.until(lambda: program.lines('hand')[-1]['linear_x'] == 0.0)
+        zero = program.lines('hand')[-1]
+        assert zero['stamp'] >= last['stamp']
+        await other.until(lambda: other.state['velocity'] == [0.0, 0.0])
+        if how == 'give up':  # then the robot is released, and a new process stands by
+            await other.until(lambda: program.lines('release'))
+            await other.until(lambda: other.state['state'] == 'standing by')
+        assert (await other.ask(Lease, want=True))['is_done']
+
+    serve(tmp_path, scenario)
+
+
+def test_a_motion_is_driven_paused_slowed_and_stopped(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        await page.take()
+        answer = await page.ask(RunMotion, text='no motion')
+        assert not answer['is_done']
+        assert 'motion.yaml:1:' in answer['text']
+        assert not (await page.ask(RunMotion))['is_done']
+        assert not (await page.ask(RunMotion, name='absent.yaml'))['is_done']
+        answer = await page.ask(RunMotion, name='mine.yaml', text='no motion')
+        assert 'mine.yaml:1:' in answer['text']
+        assert (await page.ask(RunMotion, name='square'))['is_done']
+        await page.until(lambda: page.state['state'] == 'driving' and page.state['progress'])
+        assert 'square' == page.state['motion']
+        assert (await page.ask(PauseMotion))['is_done']
+        await page.until(lambda: page.state['state'] == 'paused')
+        assert (await page.ask(SetSpeed, factor=0.5))['is_done']
+        assert (await page.ask(ResumeMotion))['is_done']
+        await page.until(lambda: page.state['factors'] == {'console': 0.5})
+        answer = await page.stop()
+        assert answer['is_done']
+        assert answer['is_confirmed']
+        run = program.lines('run')[-1]
+        assert 'square' == run['name']
+        assert loads(run['text']).motion.steps
+
+    serve(tmp_path, scenario)
+
+
+def test_without_odometry_a_stop_is_sent_but_unconfirmed(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        await page.take()
+        answer = await page.stop()
+        assert answer['is_done']
+        assert answer['is_confirmed'] is None
+
+    serve(tmp_path, scenario, '--drive=--no-odometry')
+
+
+def test_a_stop_needs_no_hello(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        page.send(StopRobot(1))
+        await page.until(lambda: program.lines('stop'))
+
+    serve(tmp_path, scenario)
+
+
+def test_what_the_hand_drives_is_recorded(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> str:
+        page = await PageClient.connect(program)
+        await page.take()
+        assert not (await page.ask(Record, on=False))['is_done']
+        assert (await page.ask(Record, on=True))['is_done']
+        assert page.state['is_recording']
+        page.hand(0.0)
+        await drive(page, 0.2, 0.3)
+        page.hand(0.1)
+        await asyncio.sleep(0.1)
+        page.hand(0.0)
+        assert (await page.ask(Record, on=False))['is_done']
+        await page.until(lambda: any(
+            message['type'] == 'recorded' for message in page.messages))
+        assert not page.state['is_recording']
+        text: str = next(message['text'] for message in page.messages
+                         if message['type'] == 'recorded')
+        return text
+
+    steps = loads(serve(tmp_path, scenario)).motion.steps
+    assert [0.2, 0.1] == [step.linear_x for step in steps]
+    assert 0.25 < steps[0].duration < 0.6
+    assert 0.05 < steps[1].duration < 0.4
+
+
+def test_a_preview_does_not_hold_up_a_stop(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        await page.greet()
+        await page.until(lambda: page.state['process'] == 'running')
+        long = 'steps:\n' + '  - arc: {radius: 1 m, angle: 350 deg}\n' * 1000
+        asked = asyncio.ensure_future(page.ask(AskPreview, text=long))
+        await asyncio.sleep(0.05)
+        begun = time.monotonic()
+        assert (await page.stop())['is_done']
+        assert time.monotonic() - begun < 0.5
+        assert not asked.done()
+        assert (await asked)['plan']['steps'] == 1000
+        result = await page.ask(AskPreview, text='steps:\n  - turn: 90\n')
+        assert 2 == result['errors'][0]['line']
+
+    serve(tmp_path, scenario)
+
+
+def test_a_newer_preview_replaces_one_that_waits(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        await page.greet()
+        for number in range(1, 6):
+            page.send(AskPreview(100 + number, f'steps:\n  - wait: {number} s\n'))
+        await page.until(lambda: 5 == sum(
+            message.get('request', 0) > 100 for message in page.messages))
+        kinds = {message['request']: message['type'] for message in page.messages
+                 if 'request' in message}
+        assert 'preview' == kinds[105]
+        assert 'answer' == kinds[103]
+
+    serve(tmp_path, scenario)
+
+
+def test_a_release_starts_a_new_process(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        await page.take()
+        first = program.drive_pid()
+        assert (await page.ask(ReleaseRobot))['is_done']
+        await page.until(lambda: page.state['state'] == 'standing by')
+        await page.until(lambda: page.state['process'] == 'running')
+        assert first != program.drive_pid()
+        assert 'you' == page.state['driver']
+        assert (await page.ask(TakeRobot))['is_done']
+
+    serve(tmp_path, scenario)
+
+
+def test_a_process_that_dies_is_started_only_by_a_press(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        await page.take()
+        page.hand(0.0)
+        page.hand(0.2)
+        os.kill(program.drive_pid(), signal.SIGKILL)
+        await page.until(lambda: page.state['process'] == 'ended')
+        assert 'signal 9' in page.state['reason']
+        assert 'ended' == page.state['state']
+        assert [0.0, 0.0] == page.state['velocity']
+        page.hand(0.2)
+        answer = await page.ask(TakeRobot)
+        assert not answer['is_done']
+        assert 'does not run' in answer['text']
+        await asyncio.sleep(0.5)
+        assert 'ended' == page.state['process']
+        assert (await page.ask(Start))['is_done']
+        await page.until(lambda: page.state['process'] == 'running')
+        assert not (await page.ask(Start))['is_done']
+
+    serve(tmp_path, scenario)
+
+
+def test_alive_is_sent_only_while_a_page_is_open(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        await asyncio.sleep(0.6)
+        assert [] == program.lines('alive')
+        page = await PageClient.connect(program)
+        await page.greet()
+        await page.until(lambda: len(program.lines('alive')) >= 4)
+        times = [line['time'] for line in program.lines('alive')]
+        assert 0.15 < (times[-1] - times[0]) / (len(times) - 1) < 0.5
+        page.close()
+        await asyncio.sleep(0.4)
+        count = len(program.lines('alive'))
+        await asyncio.sleep(0.6)
+        assert count == len(program.lines('alive'))
+
+    serve(tmp_path, scenario)
+
+
+def test_a_console_that_is_killed_leaves_no_process(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> int:
+        page = await PageClient.connect(program)
+        await page.take()
+        page.hand(0.0)
+        await drive(page, 0.2, 0.2)
+        pid = program.drive_pid()
+        program.process.kill()
+        return pid
+
+    with console(tmp_path) as program:
+        pid = asyncio.run(scenario(program))
+        wait_until(lambda: not Path(f'/proc/{pid}/exe').exists(), 5.0)
+
+
+def test_a_frozen_console_repeats_nothing(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        await page.take()
+        page.hand(0.0)
+        await drive(page, 0.2, 0.2)
+        program.process.send_signal(signal.SIGSTOP)
+        await drive(page, 0.2, 0.6)
+        count = len(program.lines('hand'))
+        program.process.send_signal(signal.SIGCONT)
+        await page.until(lambda: len(program.lines('hand')) > count + 2)
+        lines = program.lines('hand')[count:]
+        # The page has not seen a stamp meanwhile, so all that it has sent is as old as that.
+        assert all(line['stamp'] <= lines[0]['stamp'] for line in lines)
+        await page.until(lambda: page.state['state'] == 'ready')
+
+    serve(tmp_path, scenario)
+
+
+def test_ctrl_c_ends_the_console_and_the_drive_process(tmp_path: Path):
+    with console(tmp_path) as program:
+        pid = program.drive_pid()
+        begun = time.monotonic()
+        assert 130 == program.end()
+        assert time.monotonic() - begun < 5.0
+        assert not Path(f'/proc/{pid}').exists()
+
+
+def test_a_port_that_is_taken_is_one_line(tmp_path: Path):
+    with console(tmp_path) as program:
+        done = subprocess.run(
+            [sys.executable, '-m', 'kachaka_simple_control.console.console_command', '--port',
+             str(program.port), '--no-browser'], check=False, capture_output=True, text=True,
+            timeout=30)
+        assert 2 == done.returncode
+        assert done.stderr.startswith('kachaka_console: cannot listen at 127.0.0.1:')
+        assert 1 == done.stderr.count('\n')
