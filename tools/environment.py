@@ -52,6 +52,7 @@ OPTIONAL = {
     'matplotlib': ('a picture of a plan or report', 'sudo apt install python3-matplotlib'),
     'rich': ('the live display', 'sudo apt install python3-rich'),
     'argcomplete': ('completion by Tab', 'sudo apt install python3-argcomplete'),
+    'tornado': ('the console in the browser', 'sudo apt install python3-tornado'),
     'mcap': ('the recording beside a report', "pip install 'mcap>=1.5'"),
     'grpc': ('a real robot', 'pip install grpcio protobuf'),
     'numpy': ('a real robot', 'sudo apt install python3-numpy'),

@@ -184,8 +184,12 @@ class RemoteControl:
 
     def _begin_to_take(self, number: int) -> None:
         with self._lock:
+            if self._take is not None:
+                raise MotionRefusedError('the robot is being taken already')
             if self._is_taken:
-                raise MotionRefusedError('the robot is taken already')
+                # Somebody else sends the commands now, as when a page is opened again.
+                self._writer.write(protocol.Answer(number, True, 'ready'))
+                return
             # From now on a stop ends this drive, even before the robot is found.
             request = self._session.request(elsewhere=True)
             self._is_taken, self._take, self._reason = True, number, None

@@ -261,7 +261,7 @@ class Hub:
         if refusal:
             page.send(PageAnswer(message.request, False, refusal))
             return
-        self.lease.note_input(page, now)
+        self._note_input(page, message, now)
         if type(message) in _RELAYED:
             self._relay(page, message, _RELAYED[type(message)])
             return
@@ -281,6 +281,11 @@ class Hub:
                 self._work.spawn(self._run(page, message))
             case _:
                 self._work.handle(page, message)
+
+    def _note_input(self, page: Page, message: PageRequest, now: float) -> None:
+        # A page asks for these by itself.
+        if not isinstance(message, (AskPreview, OpenFile, ListMotions)):
+            self.lease.note_input(page, now)
 
     def _refusal(self, page: Page, message: PageRequest) -> str:
         for_all = isinstance(message, (PauseMotion, AskPreview, OpenFile, ListMotions))

@@ -113,6 +113,7 @@ def test_nothing_is_sent_before_the_robot_is_taken_and_release_ends_it(listener)
         assert refused['text'] == 'the robot is not taken: take it first'
         assert not listener.received
         control.take()
+        assert control.ask('take')['text'] == 'ready'  # it is taken already
         assert not moves(listener)
         assert control.ask('release')['text'] == 'released'
         assert control.process.end() == 0

@@ -50,7 +50,7 @@ def test_other_names_are_none(host: str | None):
 @pytest.mark.parametrize('origin', [
     None, '', 'null', 'http://evil.example', 'https://127.0.0.1:8400', 'http://127.0.0.1',
     'http://127.0.0.1:8401', '127.0.0.1:8400', 'http://localhost:8400', 'ws://127.0.0.1:8400',
-    'http://127.0.0.1:8400/', 'http://evil.example#http://127.0.0.1:8400', 'file://'])
+    'http://127.0.0.1:8400/', 'http://evil.example#http://127.0.0.1:8400', 'about:blank'])
 def test_other_origins_are_refused(origin: str | None):
     assert not ACCESS.is_same_origin(origin, '127.0.0.1:8400')
 
