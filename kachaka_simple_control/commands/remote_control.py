@@ -98,6 +98,8 @@ class RemoteControl:
         self._reason: str | None = None
         self._refusal = ''
         self._is_over = False
+        #: ensures that the state ``ended`` is the last one that is written
+        self._state_lock = threading.Lock()
         self._heard = time.monotonic()
 
     def serve(self) -> None:
@@ -119,8 +121,9 @@ class RemoteControl:
                 f'stopped by {signal.Signals(signum).name}')
             raise
         finally:
-            self._is_over = True
-            self._writer.write(protocol.State('ended', reason=self._reason))
+            with self._state_lock:
+                self._is_over = True
+                self._writer.write(protocol.State('ended', reason=self._reason))
 
     def finish(self) -> None:
         """Answer the command ``release``; call this after the robot was released."""
@@ -339,7 +342,9 @@ class RemoteControl:
             now = time.monotonic()
             if state != newest or now - written >= REMOTE_STATE_PERIOD:
                 newest, written = state, now
-                self._writer.write(state)
+                with self._state_lock:
+                    if not self._is_over:
+                        self._writer.write(state)
 
     def _answer(self, number: int, execute: Callable[[], str]) -> None:
         """
