@@ -76,11 +76,7 @@ HEARTBEAT_TIMEOUT = 0.1
 #: next movement, and a DDS call may take PUBLISH_TIMEOUT.  The robot has already received a zero
 #: velocity.
 STOPPING_TIMEOUT = 1.0
-#: The guardian sleeps until a heartbeat is late by this part of the allowed time; only then it
-#: checks every WATCHDOG_PERIOD.  Chosen: more than two times CHECK_PERIOD; and after a pause of
-#: the whole machine, 0.04 s are left for the next heartbeat.
-LATE_FRACTION = 0.6
-#: How often the guardian checks the time since a late heartbeat.  If more time passes between
+#: How often the guardian checks the time since the last heartbeat.  If more time passes between
 #: two checks, the excess does not count: the guardian or the whole machine was held up.  Chosen.
 WATCHDOG_PERIOD = 0.02
 #: If the guardian has processed no heartbeat for this time while the node ran, it is frozen and

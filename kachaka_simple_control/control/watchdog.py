@@ -26,7 +26,6 @@ from kachaka_simple_control.control.timing import (
     CHECK_PERIOD,
     GUARDIAN_TIMEOUT,
     HEARTBEAT_TIMEOUT,
-    LATE_FRACTION,
     PUBLISH_TIMEOUT,
     STOPPING_TIMEOUT,
     WATCHDOG_PERIOD,
@@ -148,7 +147,7 @@ class Watchdog:
         """
         if self._counted is None:
             return False
-        awake = min(now - self._counted, self._wait_time())
+        awake = min(now - self._counted, WATCHDOG_PERIOD)
         self._counted = now
         if is_publishing:
             self._publishing += awake
@@ -166,17 +165,8 @@ class Watchdog:
 
         The value is None if no message is due, because the robot is not driven.
         """
-        return None if self._counted is None else self._wait_time()
-
-    def _wait_time(self) -> float:
-        """
-        Return how long the guardian may wait, and how much of the time of a wait counts [s].
-
-        If a wait takes longer, the guardian was held up, and the excess does not count.
-        """
-        late = LATE_FRACTION * self._heartbeat_timeout - self._silent
-        if self.allowed == self._heartbeat_timeout and late > ROUNDING_ERROR:
-            return min(late, PUBLISH_TIMEOUT - self._publishing)
+        if self._counted is None:
+            return None
         return min(WATCHDOG_PERIOD, self.allowed - self._silent)
 
 
