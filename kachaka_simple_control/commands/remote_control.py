@@ -56,6 +56,8 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.text import quoted
 
 READ_SIZE = 65536
+#: The name of the speed factor that the commands keep valid while a motion runs.
+REMOTE = 'remote control'
 
 
 class RemoteControl:
@@ -67,10 +69,12 @@ class RemoteControl:
     ``run`` drives a motion; after the motion the robot is driven by hand again.  After a stop or a
     fault the robot is no longer taken.
 
+    While a motion runs, the commands keep a speed factor valid.  If none comes for
+    REMOTE_SILENCE_TIMEOUT (1 s), the robot is held, because nobody could stop the motion then.  It
+    stays paused until the command ``resume``.
+
     Three threads work here.  The main thread drives.  One thread executes the commands, and never
-    waits for another command, so that a stop is executed at once.  One thread writes reports.  It
-    also pauses a motion if no command has come for REMOTE_SILENCE_TIMEOUT (1 s), because nobody
-    could stop the motion then.
+    waits for another command, so that a stop is executed at once.  One thread writes reports.
 
     :param robot_control: the node that drives the robot
     :param source: the file descriptor from which commands are read
@@ -97,10 +101,9 @@ class RemoteControl:
         self._release: int | None = None
         self._reason: str | None = None
         self._refusal = ''
-        self._is_over = False
         #: ensures that the state ``ended`` is the last one that is written
         self._state_lock = threading.Lock()
-        self._heard = time.monotonic()
+        self._is_over = False
 
     def serve(self) -> None:
         """
@@ -115,29 +118,45 @@ class RemoteControl:
         try:
             while (job := self._jobs.get()) is not None:
                 job()
-        except BaseException as error:
-            signum = signal_dispatcher.signum
-            self._reason = str(error) if signum is None else (
-                f'stopped by {signal.Signals(signum).name}')
+        except Exception as error:
+            self._reason = str(error)
             raise
-        finally:
-            with self._state_lock:
-                self._is_over = True
-                self._writer.write(protocol.State('ended', reason=self._reason))
 
     def finish(self) -> None:
-        """Answer the command ``release``; call this after the robot was released."""
+        """
+        Report that the program ends, and answer the command ``release``.
+
+        Call this after the robot was released.
+        """
+        signum = signal_dispatcher.signum
+        reason = self._reason if signum is None else f'stopped by {signal.Signals(signum).name}'
+        with self._state_lock:
+            self._is_over = True
+            self._writer.write(protocol.State('ended', reason=reason))
         if self._release is not None:
             self._writer.write(protocol.Answer(self._release, True, 'released'))
 
     def _read_commands(self) -> None:
         rest = b''
-        while (data := os.read(self._source, READ_SIZE)) and len(rest) <= protocol.MAX_SIZE:
-            self._heard = time.monotonic()
-            *lines, rest = (rest + data).split(b'\n')
-            for line in lines:
-                self._execute_line(line)
-        self._on_closed()
+        try:
+            while (data := os.read(self._source, READ_SIZE)) and len(rest) <= protocol.MAX_SIZE:
+                self._on_sign_of_life()
+                *lines, rest = (rest + data).split(b'\n')
+                for line in lines:
+                    self._execute_line(line)
+        finally:
+            # Also after an error: nobody else would hear a stop.
+            self._on_closed()
+
+    def _on_sign_of_life(self) -> None:
+        """Keep the speed factor of a motion valid; pause a motion whose factor has expired."""
+        with self._lock:
+            if not self._is_running_motion:
+                return
+            if self._session.speed_factor.factors.get(REMOTE) == 0.0:
+                # Who is there again may not know that the motion was held.
+                self._commander.pause()
+            self._session.speed_factor.set(REMOTE, 1.0, REMOTE_SILENCE_TIMEOUT)
 
     def _execute_line(self, line: bytes) -> None:
         try:
@@ -225,6 +244,7 @@ class RemoteControl:
                 raise MotionRunningError(
                     'a motion is running already; wait for its end, or stop it')
             self._is_running_motion = True
+            self._session.speed_factor.set(REMOTE, 1.0, REMOTE_SILENCE_TIMEOUT)
             self._jobs.put(lambda: self._drive_motion(motion_file, limits))
             self._jobs.put(lambda: self._drive_by_hand(None))
             if self._hand is not None:
@@ -267,7 +287,9 @@ class RemoteControl:
         except ControlError as error:
             self._on_failure(error)
         finally:
-            self._is_running_motion = False
+            with self._lock:
+                self._is_running_motion = False
+                self._session.speed_factor.set(REMOTE, 1.0)
 
     def _on_failure(self, error: ControlError) -> None:
         """
@@ -323,7 +345,7 @@ class RemoteControl:
         self._end()
 
     def _write_reports(self) -> None:
-        """Write a stamp for the hand and the state; pause a motion that nobody could stop."""
+        """Write a stamp for the hand, and the state, again and again."""
         newest, written = None, -math.inf
         while not self._is_over:
             time.sleep(REMOTE_REPORT_PERIOD)
@@ -333,9 +355,6 @@ class RemoteControl:
             if self._take is not None and progress.state in (RunState.DRIVING, RunState.HELD):
                 number, self._take = self._take, None
                 self._writer.write(protocol.Answer(number, True, 'ready'))
-            is_silent = time.monotonic() - self._heard > REMOTE_SILENCE_TIMEOUT
-            if self._is_running_motion and is_silent:
-                self._commander.pause()
             state = state_of(
                 self._session, progress, self._writer.velocity, self._is_taken, hand is not None,
                 self._reason)
@@ -369,4 +388,7 @@ class RemoteControl:
 
     @staticmethod
     def _start_thread(function: Callable[[], None]) -> None:
-        threading.Thread(target=function, name='remote', daemon=True).start()
+        try:
+            threading.Thread(target=function, name='remote', daemon=True).start()
+        except RuntimeError:  # the system has no thread left, and a stop must be sent all the same
+            function()

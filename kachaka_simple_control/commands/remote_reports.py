@@ -37,7 +37,7 @@ class ReportWriter:
     Writes reports to a pipe; any thread may write.
 
     If the reader of the pipe is frozen and the pipe is full, reports are dropped, so that no
-    thread waits longer than REMOTE_WRITE_TIMEOUT (1 s).
+    thread waits longer than REMOTE_WRITE_TIMEOUT (0.05 s).
 
     :param file: the file descriptor of the pipe
     :ivar velocity: the velocity that was sent to the robot last
@@ -53,8 +53,15 @@ class ReportWriter:
         self._segment: tuple[Velocity, float] | None = None
 
     def write(self, report: protocol.Report) -> None:
-        """Write a report; drop it if the reader does not read, or has ended."""
-        line = data = protocol.write_line(report)
+        """
+        Write a report; drop it if the reader does not read, or has ended.
+
+        A report with NaN, as from broken odometry, is dropped, too: JSON has no such number.
+        """
+        try:
+            line = data = protocol.write_line(report)
+        except protocol.MessageError:
+            return
         end = time.monotonic() + REMOTE_WRITE_TIMEOUT
         with self._lock:
             while data and not self._is_broken and self._wait_until_writable(end):

@@ -118,13 +118,14 @@ HAND_PERIOD = 0.05
 REMOTE_REPORT_PERIOD = 0.05
 #: How often the state is reported if it does not change, so that its reader sees that it is new.
 REMOTE_STATE_PERIOD = 1.0
-#: A motion that another program has begun is paused if that program is silent for this time,
+#: A motion that another program has begun is held if that program is silent for this time,
 #: because its stop may not come either.  Chosen: four times the period of its messages.
 REMOTE_SILENCE_TIMEOUT = 1.0
 #: How long a motion may take to come to rest when its commands end.  Chosen: longer than a pause.
 REMOTE_REST_TIMEOUT = 2.0
-#: How long a report waits for a reader that does not read.  Chosen.
-REMOTE_WRITE_TIMEOUT = 1.0
+#: How long a report waits for a reader that does not read, and a stop may wait for the report.
+#: Chosen: the pipe holds the reports of some seconds before it is full.
+REMOTE_WRITE_TIMEOUT = 0.05
 
 # --- Services ------------------------------------------------------------------------------------
 

@@ -14,10 +14,13 @@
 """Remote control: another program drives by lines on standard input."""
 
 from contextlib import contextmanager
+import fcntl
+import json
 import signal
+import subprocess
 import time
 
-from program import COMMAND, environment, JsonProcess
+from program import COMMAND, environment, JsonProcess, Program
 import pytest
 from waiting import wait_until
 
@@ -26,6 +29,8 @@ pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 #: The command; its robot has no odometry.
 PIPE = [*COMMAND, '--pipe', '--ros-args', '-p', 'guardian:=false', '-p', 'prime_time:=0.2', '-p',
         'odometry_timeout:=0.0']
+#: fcntl.F_SETPIPE_SZ, which Python 3.10 does not have everywhere.
+F_SETPIPE_SZ = 1031
 FORWARD = {'linear_x': 0.2, 'angular_z': 0.0}
 REST = {'linear_x': 0.0, 'angular_z': 0.0}
 MOTION = 'name: ahead\nrate: 10 Hz\nsteps: [move: {linear_x: 0.1, angular_z: 0, duration: 2 s}]\n'
@@ -177,7 +182,9 @@ def test_a_motion_is_paused_when_nobody_could_stop_it(listener):
         control.take()
         control.ask('run', text=MOTION, name='ahead.yaml')
         wait_until(lambda: control.states[-1]['state'] == 'paused')
-        assert control.states[-1]['factors'] == {'pause': 0.0}
+        assert control.states[-1]['factors'] == {'remote control': 0.0}
+        control.send('alive')  # it is there again; that alone moves nothing
+        wait_until(lambda: control.states[-1]['factors'] == {'pause': 0.0})
         assert control.ask('resume')['text'] == 'resumed'
         assert control.ask('stop')['is_done']
 
@@ -252,6 +259,41 @@ def test_when_its_commands_end_the_robot_is_stopped_and_it_ends(listener, is_by_
         # A motion brakes first.
         assert zero - closed < (0.1 if is_by_hand else 2.0)
         assert max(sent.time for sent in moves(listener)) < zero
+
+
+def test_a_program_that_reads_no_report_can_stop_the_robot(listener):
+    pipes = {'stdin': subprocess.PIPE, 'stdout': subprocess.PIPE}
+    with Program(PIPE, env=environment(), **pipes) as program:
+        fcntl.fcntl(program.process.stdout, F_SETPIPE_SZ, 4096)
+
+        def send(**values):
+            print(json.dumps({'v': 1, **values}), file=program.process.stdin, flush=True)
+
+        send(type='take', id=1)
+        wait_until(lambda: listener.received)
+        time.sleep(0.5)
+        send(type='run', id=2, text=MOTION.replace('2 s', '20 s'), name='ahead.yaml')
+        end = time.monotonic() + 2.0
+        while time.monotonic() < end:  # until the pipe is full
+            send(type='alive')
+            time.sleep(0.1)
+        assert moves(listener)
+        asked = time.time()
+        send(type='speed', id=3, factor=0.5)
+        send(type='pause', id=4)
+        send(type='stop', id=5)
+        assert first_zero(listener, asked) - asked < 0.25
+        program.process.stdin.close()
+        assert program.end() == 0
+
+
+def test_a_signal_ends_it_while_it_has_not_taken_a_robot(listener):
+    with remote() as control:
+        wait_until(lambda: control.lines)
+        control.process.send(signal.SIGTERM)
+        assert control.process.end() == 143
+        assert control.states[-1]['reason'] == 'stopped by SIGTERM'
+    assert not listener.received
 
 
 def test_a_signal_stops_the_robot_and_ends_it(listener):
