@@ -303,7 +303,8 @@ class Guardian:
 
         :param topic: the topic of the publishers, after remapping
         """
-        return {participant for participant, name in self._process.found_publishers
+        # A copy: another thread may still add to the set.
+        return {participant for participant, name in [*self._process.found_publishers]
                 if name == topic}
 
     @property

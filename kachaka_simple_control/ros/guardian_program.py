@@ -425,7 +425,7 @@ def main(args: Sequence[str] | None = None) -> int:
     for name in ('domain', 'messages', 'robots', 'shared'):
         parser.add_argument(name, type=int)
     options = parser.parse_args(args)
-    start_publisher_search(options.domain, _report)
+    start_publisher_search(options.domain, _report, (options.messages, options.robots))
     signals = _handle_signals()
     nodes = GuardianNodes(lambda: GuardianNode(
         options.domain, lambda participant: _report(f'participant {participant.hex()}')))

@@ -15,12 +15,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import os
 import signal
 import time
 
-from kachaka_simple_control.control.timing import PUBLISHER_SEARCH_TIME
+from kachaka_simple_control.control.timing import PUBLISHER_SEARCH_TIME, PUBLISHER_SEARCH_TIMEOUT
 from kachaka_simple_control.ros.dds_transport import repeated_joining
 from kachaka_simple_control.ros.endpoints import participants
 from rclpy.context import Context
@@ -32,7 +32,8 @@ SEARCH_PERIOD = 0.02
 VELOCITY_TYPES = ('geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped')
 
 
-def start_publisher_search(domain: int, report: Callable[[str], None]) -> None:
+def start_publisher_search(
+        domain: int, report: Callable[[str], None], closed: Sequence[int]) -> None:
     """
     Search for velocity publishers in a child process of this process.
 
@@ -50,6 +51,8 @@ def start_publisher_search(domain: int, report: Callable[[str], None]) -> None:
 
     :param domain: the number of the ROS domain
     :param report: a function that reports a line; it is called in the child process
+    :param closed: the file descriptors that the child process closes, so that their other ends
+        notice the end of this process
     """
     parent = os.getpid()
     # The system removes the child process after its end.
@@ -57,6 +60,10 @@ def start_publisher_search(domain: int, report: Callable[[str], None]) -> None:
     if os.fork() != 0:
         return
     try:
+        # Fast DDS may hang.  The alarm ends this process.
+        signal.setitimer(signal.ITIMER_REAL, PUBLISHER_SEARCH_TIMEOUT)
+        for descriptor in closed:
+            os.close(descriptor)
         _search(domain, report, lambda: os.getppid() == parent)
     finally:
         report('searched')
