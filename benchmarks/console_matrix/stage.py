@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the trials share: a console and a browser, started again when a trial has ended one."""
+"""The console and the browser of all trials; started again if a trial has ended one of them."""
 
 from __future__ import annotations
 

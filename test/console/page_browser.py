@@ -14,7 +14,7 @@
 """
 A console with a scripted robot, and its page in Chromium, for tests of the page.
 
-What the page sends is read from the browser's own record of its WebSocket, with its times.
+The browser records what the page sends over its WebSocket, with times; tests read this record.
 """
 
 from __future__ import annotations

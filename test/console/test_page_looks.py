@@ -228,7 +228,7 @@ def test_the_tab_key_begins_with_stop_and_reaches_all_controls_in_order(browser,
             .filter(control => control.checkVisibility() && !control.disabled)
             .map(control => control.id)""")
     assert [name for name in reached if name in wanted] == wanted
-    # What has the focus is seen.
+    # The focused element has an outline.
     page.run('document.querySelector("#save").focus({focusVisible: true})')
     assert page.find('#save').value_of_css_property('outline-style') == 'solid'
 
@@ -255,7 +255,7 @@ def test_changes_of_the_state_are_told_politely_and_faults_at_once(browser, cons
 
     assert [politeness(part) for part in ('#state', '#stop-result', '#problems')] == 3 * ['polite']
     assert politeness('#fault') == 'assertive'
-    # What changes all the time is not told.
+    # A screen reader does not announce values that change all the time.
     for part in ('#link-age', '#remaining', '#linear', '#progress-text'):
         assert page.run('return document.querySelector(arguments[0]).closest('
                         '"[aria-live], [role=status], [role=alert], [role=log]") === null', part)
