@@ -29,9 +29,9 @@ MAX_DURATION = 120.0
 #: What the console has to read and to drop: short and long, valid and invalid messages.
 MESSAGES = (
     {'type': 'hand', 'sequence': 1, 'stamp': 1.0, 'linear_x': 0.3, 'angular_z': 0.0},
-    {'type': 'list', 'request': 1}, {'type': 'nonsense'},
-    {'type': 'preview', 'request': 2, 'text': 'steps:\n' + '- forward: 0.1 m\n' * 100},
-    {'type': 'preview', 'request': 3, 'text': '#' * 60_000})
+    {'type': 'list', 'id': 1}, {'type': 'nonsense'},
+    {'type': 'preview', 'id': 2, 'text': 'steps:\n' + '- forward: 0.1 m\n' * 100},
+    {'type': 'preview', 'id': 3, 'text': '#' * 60_000})
 BURST = b''.join(frame(json.dumps({'v': 1, **message}).encode())
                  for message in (*MESSAGES[:4] * 10, MESSAGES[4]))
 

@@ -109,7 +109,7 @@ class RawClient:
     def request(self, kind: str, **values: Any) -> tuple[int, float]:
         """Send a request; return its number, and when [s, system clock]."""
         self._request += 1
-        return self._request, self.send(kind, request=self._request, **values)
+        return self._request, self.send(kind, id=self._request, **values)
 
     def ask(self, kind: str, **values: Any) -> Values:
         """Send a request, and return its answer."""
@@ -191,5 +191,5 @@ class RawClient:
                 self.state.update(message['changes'])
             elif message['type'] == 'stamp':
                 self.stamp = message['stamp']
-            elif 'request' in message and message['type'] == 'answer':
-                self._answers[message['request']] = message
+            elif message['type'] == 'answer':
+                self._answers[message['id']] = message

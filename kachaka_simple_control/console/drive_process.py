@@ -24,6 +24,7 @@ import asyncio
 from collections import deque
 from collections.abc import Callable, Sequence
 import contextlib
+from dataclasses import replace
 import fcntl
 import os
 import re
@@ -122,19 +123,18 @@ class DriveProcess:
         self._change('starting')
         self._spawn(self._run(reading))
 
-    def request(self, kind: type[Request], **values: Any) -> asyncio.Future[Answer]:
+    def request(self, command: Request) -> asyncio.Future[Answer]:
         """
         Send a command at once, and return the future of its answer.
 
         The future never fails: if the command cannot be sent, or the process ends, its answer is
         not done and says why.
 
-        :param kind: the class of the command
-        :param values: the fields of the command without ``id``
+        :param command: the command; it is sent with a new ``id``
         """
         self._next_id += 1
         future: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
-        command = kind(id=self._next_id, **values)
+        command = replace(command, id=self._next_id)
         try:
             line = write_line(command)
         except MessageError as error:
@@ -144,9 +144,9 @@ class DriveProcess:
             future.set_result(Answer(command.id, False, 'the drive process does not run'))
         elif self._write(line):
             self._waiting[command.id] = future
-            if kind is Stop:
+            if isinstance(command, Stop):
                 asyncio.get_running_loop().call_later(STOP_PATIENCE, self._insist, command.id)
-        elif kind is Stop:
+        elif isinstance(command, Stop):
             self._waiting[command.id] = future
             self._interrupt('it does not read its commands')
         else:
@@ -282,7 +282,7 @@ class DriveProcess:
 
     def released(self) -> asyncio.Future[Answer]:
         """Release the robot; the process ends, and a new one is started."""
-        future = self.request(Release)
+        future = self.request(Release(0))
         future.add_done_callback(self._note_release)
         return future
 

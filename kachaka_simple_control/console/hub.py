@@ -33,33 +33,21 @@ from typing import Any, Literal
 from kachaka_simple_control.console.drive_process import DriveProcess
 from kachaka_simple_control.console.folder import Folder, FolderError
 from kachaka_simple_control.console.lease import HandLease, IDLE_TIME
-from kachaka_simple_control.console.messages import MessageError
+from kachaka_simple_control.console.messages import Message, MessageError
 from kachaka_simple_control.console.page_protocol import (
     AskPreview,
-    HandInput,
     Hello,
     Lease,
     ListMotions,
-    LogLine,
     OpenFile,
     PageAnswer,
-    PageMessage,
-    PageRequest,
     PageState,
-    PauseMotion,
     read_page_message,
     Record,
     Recorded,
-    ReleaseRobot,
-    ResumeMotion,
-    RobotFound,
     RunMotion,
-    SetSpeed,
-    StampSeen,
     Start,
     StateChanges,
-    StopRobot,
-    TakeRobot,
     Welcome,
 )
 from kachaka_simple_control.console.page_work import in_thread, Page, PageWork
@@ -69,6 +57,7 @@ from kachaka_simple_control.console.protocol import (
     Hand,
     Log,
     Pause,
+    Release,
     Report,
     Request,
     Resume,
@@ -102,9 +91,6 @@ HELD_STATES = ('ready', 'driving by hand')
 BUSY_STATES = ('taking', 'driving', 'paused', 'stopping')
 NO_LEASE = 'this page does not drive: ask for the lease first'
 ONLY_LOOK = 'this link is for viewers: it can stop and pause, but not drive'
-#: Messages that pass to the drive process as they are.
-_RELAYED: dict[type[PageMessage], type[Request]] = {
-    PauseMotion: Pause, ResumeMotion: Resume, TakeRobot: Take}
 Outcome = tuple[bool, str]
 
 
@@ -146,7 +132,7 @@ class Hub:
         self._robot: Robot | None = None
         self._state = State('standing by')
         self._recording: Recording | None = None
-        self._logs: deque[LogLine] = deque(maxlen=LOG_LENGTH)
+        self._logs: deque[Log] = deque(maxlen=LOG_LENGTH)
         self._sequence = 0
         self._last_stamp: float | None = None
         self._was_given_up = False
@@ -209,11 +195,11 @@ class Hub:
             message = read_page_message(text)
         except MessageError as error:
             if entry.other_rate.allows(now):
-                page.send(LogLine('error', f'a message of this page is invalid: {error}'))
+                page.send(Log('error', f'a message of this page is invalid: {error}'))
             return
-        if isinstance(message, StopRobot):
+        if isinstance(message, Stop):
             self._answer_later(page, message, self._stop_answer(now))
-        elif isinstance(message, HandInput):
+        elif isinstance(message, Hand):
             if entry.hand_rate.allows(now):
                 self._take_hand(page, entry, message, now)
         elif entry.other_rate.allows(now):
@@ -221,7 +207,7 @@ class Hub:
 
     # From the pages
 
-    def _take_hand(self, page: Page, entry: _Entry, hand: HandInput, now: float) -> None:
+    def _take_hand(self, page: Page, entry: _Entry, hand: Hand, now: float) -> None:
         """
         Pass a velocity on at once, or drop it; it is never kept or sent again.
 
@@ -244,7 +230,7 @@ class Hub:
         is_same = (self._stop is not None and not self._stop.done()
                    and now - self._stop_time < SAME_STOP)
         if self._stop is None or not is_same:
-            self._stop, self._stop_time = self.drive.request(Stop), now
+            self._stop, self._stop_time = self.drive.request(Stop(0)), now
         return self._stop
 
     def _send_hand(self, stamp: float, linear_x: float, angular_z: float) -> None:
@@ -252,23 +238,20 @@ class Hub:
         self._sequence += 1
         self.drive.hand(Hand(self._sequence, stamp, linear_x, angular_z))
 
-    def _handle(self, page: Page, entry: _Entry, message: PageMessage, now: float) -> None:
+    def _handle(self, page: Page, entry: _Entry, message: Message, now: float) -> None:
         if isinstance(message, Hello):
             self._welcome(page, entry)
             return
-        assert isinstance(message, PageRequest)
+        assert isinstance(message, Request)
         refusal = self._refusal(page, message)
         if refusal:
-            page.send(PageAnswer(message.request, False, refusal))
+            page.send(PageAnswer(message.id, False, refusal))
             return
         self._note_input(page, message, now)
-        if type(message) in _RELAYED:
-            self._relay(page, message, _RELAYED[type(message)])
-            return
         match message:
-            case SetSpeed():
-                self._relay(page, message, Speed, factor=message.factor)
-            case ReleaseRobot():
+            case Take() | Pause() | Resume() | Speed():
+                self._relay(page, message, message)
+            case Release():
                 self._stop = None
                 self._answer_later(page, message, self.drive.released())
             case Lease():
@@ -282,17 +265,17 @@ class Hub:
             case _:
                 self._work.handle(page, message)
 
-    def _note_input(self, page: Page, message: PageRequest, now: float) -> None:
+    def _note_input(self, page: Page, message: Request, now: float) -> None:
         # A page asks for these by itself.
         if not isinstance(message, (AskPreview, OpenFile, ListMotions)):
             self.lease.note_input(page, now)
 
-    def _refusal(self, page: Page, message: PageRequest) -> str:
-        for_all = isinstance(message, (PauseMotion, AskPreview, OpenFile, ListMotions))
+    def _refusal(self, page: Page, message: Request) -> str:
+        for_all = isinstance(message, (Pause, AskPreview, OpenFile, ListMotions))
         if not for_all and not page.may_drive:
             return ONLY_LOOK
         needs_lease = isinstance(message, (
-            TakeRobot, ReleaseRobot, RunMotion, ResumeMotion, SetSpeed, Record))
+            Take, Release, RunMotion, Resume, Speed, Record))
         return NO_LEASE if needs_lease and self.lease.holder is not page else ''
 
     def _welcome(self, page: Page, entry: _Entry) -> None:
@@ -306,21 +289,28 @@ class Hub:
             self._show()
         self._work.spawn(welcome())
 
-    def _relay(self, page: Page, message: PageRequest, kind: type[Request], **values: Any) -> None:
+    def _relay(self, page: Page, message: Request, command: Request) -> None:
+        """
+        Send a command to the drive process; its answer goes to the page.
+
+        :param page: the page
+        :param message: the request of the page
+        :param command: the command, which gets a number of its own
+        """
         self._stop = None  # what is sent now comes after that stop
-        self._answer_later(page, message, self.drive.request(kind, **values))
+        self._answer_later(page, message, self.drive.request(command))
 
     def _answer_later(
-            self, page: Page, message: PageRequest, future: asyncio.Future[Answer]) -> None:
+            self, page: Page, message: Request, future: asyncio.Future[Answer]) -> None:
         def send(done: asyncio.Future[Answer]) -> None:
             if page in self._pages and not done.cancelled():
                 answer = done.result()
                 page.send(PageAnswer(
-                    message.request, answer.is_done, answer.text, answer.is_confirmed))
+                    message.id, answer.is_done, answer.text, answer.is_confirmed))
         future.add_done_callback(send)
 
-    def _answer(self, page: Page, message: PageRequest, outcome: Outcome) -> None:
-        page.send(PageAnswer(message.request, *outcome))
+    def _answer(self, page: Page, message: Request, outcome: Outcome) -> None:
+        page.send(PageAnswer(message.id, *outcome))
 
     def _change_lease(self, page: Page, want: bool, now: float) -> Outcome:
         if not want:
@@ -390,7 +380,7 @@ class Hub:
                 return
         # The page may have lost the lease while its file was read.
         if self.lease.holder is page:
-            self._relay(page, message, Run, text=text, name=name)
+            self._relay(page, message, Run(0, text, name))
         else:
             self._answer(page, message, (False, NO_LEASE))
 
@@ -400,7 +390,7 @@ class Hub:
         match report:
             case Stamp():
                 if self.lease.holder is not None:
-                    self.lease.holder.send(StampSeen(report.stamp))
+                    self.lease.holder.send(Stamp(report.stamp))
             case State():
                 self._state = report
                 self._show()
@@ -412,7 +402,7 @@ class Hub:
                 self._robot = report
                 for page, entry in self._pages.items():
                     if entry.shown is not None:
-                        page.send(RobotFound(report))
+                        page.send(report)
 
     def _take_segments(self, report: Sent) -> None:
         if self._recording is None:
@@ -437,7 +427,7 @@ class Hub:
         self._show()
 
     def _log(self, level: Literal['debug', 'info', 'warning', 'error'], text: str) -> None:
-        line = LogLine(level, text)
+        line = Log(level, text)
         self._logs.append(line)
         for page, entry in tuple(self._pages.items()):
             if entry.shown is not None:

@@ -16,23 +16,40 @@ The messages between the page and the console, over the WebSocket ``/ws``.
 
 Each message is a JSON object with the keys ``v`` (1) and ``type``, in one text message.  The
 page's first message is ``hello``; the console answers with ``welcome``, the whole ``state`` and,
-once it is known, ``robot``.
+once it is known, ``robot``.  Messages that the drive process has as well, such as ``stop`` and
+``hand``, are those of ``protocol.py``.
 
-A page message with a ``request`` gets exactly one ``answer`` with the same number, except
-``preview``, ``open`` and ``list``, which get a ``preview``, ``file`` or ``motions`` instead, or an
-``answer`` with ``is_done`` false.  The page chooses the numbers, each once for a connection.  A
-message above the rate limit gets no answer.  A message that is invalid, from a page that may not
-send it, is answered by a ``log``, and nothing else happens.
+A page message with an ``id`` gets exactly one ``answer`` with the same number, except ``preview``,
+``open`` and ``list``, which get a ``preview``, ``file`` or ``motions`` instead, or an ``answer``
+with ``is_done`` false.  The page chooses the numbers, each once for a connection.  A message above
+the rate limit gets no answer.  A message that is invalid is answered by a ``log``, and nothing
+else happens.  ``take``, ``release``, ``run``, ``resume``, ``speed`` and ``record`` need the lease.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
-from kachaka_simple_control.console.messages import by_type, from_json, Message, Range
-from kachaka_simple_control.console.protocol import Id, Pose, Robot, State
+from kachaka_simple_control.console.messages import by_type, from_json, Message
+from kachaka_simple_control.console.protocol import (
+    Answer,
+    Hand,
+    Id,
+    Log,
+    Pause,
+    Pose,
+    Release,
+    Request,
+    Resume,
+    Robot,
+    Speed,
+    Stamp,
+    State,
+    Stop,
+    Take,
+)
 
 #: The largest size of a message to the page [bytes].
 MAX_SENT = 1_000_000
@@ -42,30 +59,15 @@ ProcessName = Literal['starting', 'running', 'ended']
 DriverName = Literal['nobody', 'you', 'another']
 
 
-class PageMessage(Message):
-    """A message from the page to the console."""
-
-
 @dataclass(frozen=True)
-class PageRequest(PageMessage):
-    """
-    A message that is answered.
-
-    :param request: the number that the answer repeats
-    """
-
-    request: Id
-
-
-@dataclass(frozen=True)
-class Hello(PageMessage):
+class Hello(Message):
     """The first message of a page."""
 
     TYPE: ClassVar[str] = 'hello'
 
 
 @dataclass(frozen=True)
-class Lease(PageRequest):
+class Lease(Request):
     """
     Ask for the lease of the hand, or give it up.
 
@@ -77,28 +79,14 @@ class Lease(PageRequest):
 
 
 @dataclass(frozen=True)
-class Start(PageRequest):
+class Start(Request):
     """Start a new drive process after the last one has ended."""
 
     TYPE: ClassVar[str] = 'start'
 
 
 @dataclass(frozen=True)
-class TakeRobot(PageRequest):
-    """Take the robot; needs the lease, and a person who has looked at the floor."""
-
-    TYPE: ClassVar[str] = 'take'
-
-
-@dataclass(frozen=True)
-class ReleaseRobot(PageRequest):
-    """Release the robot; needs the lease."""
-
-    TYPE: ClassVar[str] = 'release'
-
-
-@dataclass(frozen=True)
-class RunMotion(PageRequest):
+class RunMotion(Request):
     """
     Drive a motion; needs the lease.
 
@@ -113,58 +101,7 @@ class RunMotion(PageRequest):
 
 
 @dataclass(frozen=True)
-class StopRobot(PageRequest):
-    """Stop the robot; needs no lease and has no rate limit."""
-
-    TYPE: ClassVar[str] = 'stop'
-
-
-@dataclass(frozen=True)
-class PauseMotion(PageRequest):
-    """Pause the motion; needs no lease."""
-
-    TYPE: ClassVar[str] = 'pause'
-
-
-@dataclass(frozen=True)
-class ResumeMotion(PageRequest):
-    """Resume the paused motion; needs the lease."""
-
-    TYPE: ClassVar[str] = 'resume'
-
-
-@dataclass(frozen=True)
-class SetSpeed(PageRequest):
-    """
-    Set the speed factor of the console; needs the lease.
-
-    :param factor: the factor by which all speeds of a motion are multiplied
-    """
-
-    TYPE: ClassVar[str] = 'speed'
-    factor: Annotated[float, Range(0.01, 1.0)]
-
-
-@dataclass(frozen=True)
-class HandInput(PageMessage):
-    """
-    The velocity wanted by the hand, while a direction is held and once when it is let go.
-
-    :param sequence: larger than in any earlier message of the page
-    :param stamp: the newest stamp that the page has seen [s]
-    :param linear_x: the wanted velocity [m/s]
-    :param angular_z: the wanted angular velocity [rad/s]
-    """
-
-    TYPE: ClassVar[str] = 'hand'
-    sequence: Id
-    stamp: float
-    linear_x: float
-    angular_z: float
-
-
-@dataclass(frozen=True)
-class AskPreview(PageRequest):
+class AskPreview(Request):
     """
     Check the text of a motion file and plan it; a newer one replaces one that still waits.
 
@@ -176,7 +113,7 @@ class AskPreview(PageRequest):
 
 
 @dataclass(frozen=True)
-class SaveFile(PageRequest):
+class SaveFile(Request):
     """
     Write a file into the folder.
 
@@ -192,7 +129,7 @@ class SaveFile(PageRequest):
 
 
 @dataclass(frozen=True)
-class OpenFile(PageRequest):
+class OpenFile(Request):
     """
     Ask for the text of a motion.
 
@@ -204,14 +141,14 @@ class OpenFile(PageRequest):
 
 
 @dataclass(frozen=True)
-class ListMotions(PageRequest):
+class ListMotions(Request):
     """Ask for the motions again, for example after a file was added by another program."""
 
     TYPE: ClassVar[str] = 'list'
 
 
 @dataclass(frozen=True)
-class Record(PageRequest):
+class Record(Request):
     """
     Begin or end a recording of the velocities of the hand; needs the lease.
 
@@ -220,10 +157,6 @@ class Record(PageRequest):
 
     TYPE: ClassVar[str] = 'record'
     on: bool
-
-
-class ConsoleMessage(Message):
-    """A message from the console to the page."""
 
 
 @dataclass(frozen=True)
@@ -241,7 +174,7 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Welcome(ConsoleMessage):
+class Welcome(Message):
     """
     The answer to ``hello``.
 
@@ -261,19 +194,7 @@ class Welcome(ConsoleMessage):
 
 
 @dataclass(frozen=True)
-class RobotFound(ConsoleMessage):
-    """
-    A drive process has found its robot.
-
-    :param robot: the robot
-    """
-
-    TYPE: ClassVar[str] = 'robot'
-    robot: Robot
-
-
-@dataclass(frozen=True)
-class StateChanges(ConsoleMessage):
+class StateChanges(Message):
     """
     What has changed since the last ``state``; the first one of a connection has every key.
 
@@ -303,36 +224,14 @@ class PageState(State):
 
 
 @dataclass(frozen=True)
-class StampSeen(ConsoleMessage):
+class PageAnswer(Answer):
     """
-    A stamp of the drive process, unchanged; sent to the page that has the lease.
+    The answer to a request of a page.
 
-    :param stamp: the clock of the drive process [s]
-    """
-
-    TYPE: ClassVar[str] = 'stamp'
-    stamp: float
-
-
-@dataclass(frozen=True)
-class PageAnswer(ConsoleMessage):
-    """
-    The answer to a request.
-
-    :param request: the number of the request
-    :param is_done: whether the request was accepted or, where it takes time, is complete
-    :param text: for the user; with ``is_done`` false, the reason, in one or several lines
-    :param is_confirmed: for a stop, whether odometry has shown that the robot stands still; None
-        if it is sent but unconfirmed, and for other requests
     :param may_overwrite: for a ``save`` that was refused because the file exists: true; the page
         asks the user and may send the request again, with ``may_overwrite``
     """
 
-    TYPE: ClassVar[str] = 'answer'
-    request: Id
-    is_done: bool
-    text: str = ''
-    is_confirmed: bool | None = None
     may_overwrite: bool = False
 
 
@@ -367,67 +266,53 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Preview(ConsoleMessage):
+class Preview(Message):
     """
     The answer to ``preview``.
 
-    :param request: the number of the request
+    :param id: the number of the request
     :param errors: the problems of the text; empty if it can be driven
     :param plan: the plan; None if there are errors
     """
 
     TYPE: ClassVar[str] = 'preview'
-    request: Id
+    id: Id  # noqa: A003
     errors: tuple[LineError, ...]
     plan: Plan | None
 
 
 @dataclass(frozen=True)
-class FileText(ConsoleMessage):
+class FileText(Message):
     """
     The answer to ``open``.
 
-    :param request: the number of the request
+    :param id: the number of the request
     :param name: the name of the motion
     :param text: the text of its file
     """
 
     TYPE: ClassVar[str] = 'file'
-    request: Id
+    id: Id  # noqa: A003
     name: str
     text: str
 
 
 @dataclass(frozen=True)
-class Motions(ConsoleMessage):
+class Motions(Message):
     """
     The answer to ``list``, and sent to every page after a file was saved.
 
-    :param request: the number of the request; None after a file was saved
+    :param id: the number of the request; None after a file was saved
     :param motions: the motions
     """
 
     TYPE: ClassVar[str] = 'motions'
-    request: Id | None
+    id: Id | None  # noqa: A003
     motions: tuple[Motion, ...]
 
 
 @dataclass(frozen=True)
-class LogLine(ConsoleMessage):
-    """
-    A message of the log.
-
-    :param level: the level
-    :param text: the text
-    """
-
-    TYPE: ClassVar[str] = 'log'
-    level: Literal['debug', 'info', 'warning', 'error']
-    text: str
-
-
-@dataclass(frozen=True)
-class Recorded(ConsoleMessage):
+class Recorded(Message):
     """
     The recording, after ``record`` was turned off or the hand has lost the lease.
 
@@ -438,19 +323,16 @@ class Recorded(ConsoleMessage):
     text: str
 
 
-_PAGE: tuple[type[PageMessage], ...] = (
-    Hello, Lease, Start, TakeRobot, ReleaseRobot, RunMotion, StopRobot, PauseMotion, ResumeMotion,
-    SetSpeed, HandInput, AskPreview, SaveFile, OpenFile, ListMotions, Record)
-_CONSOLE: tuple[type[ConsoleMessage], ...] = (
-    Welcome, RobotFound, StateChanges, StampSeen, PageAnswer, Preview, FileText, Motions, LogLine,
-    Recorded)
 #: The classes of messages from the page, by type.
-PAGE_MESSAGES = by_type(_PAGE)
+PAGE_MESSAGES: dict[str, type[Message]] = by_type((
+    Hello, Lease, Start, Take, Release, RunMotion, Stop, Pause, Resume, Speed, Hand, AskPreview,
+    SaveFile, OpenFile, ListMotions, Record))
 #: The classes of messages to the page, by type.
-CONSOLE_MESSAGES = by_type(_CONSOLE)
+CONSOLE_MESSAGES: dict[str, type[Message]] = by_type((
+    Welcome, Robot, StateChanges, Stamp, PageAnswer, Preview, FileText, Motions, Log, Recorded))
 
 
-def read_page_message(text: str | bytes) -> PageMessage:
+def read_page_message(text: str | bytes) -> Message:
     """
     Read a message from the page.
 
@@ -460,7 +342,7 @@ def read_page_message(text: str | bytes) -> PageMessage:
     return from_json(text, PAGE_MESSAGES)
 
 
-def read_console_message(text: str | bytes) -> ConsoleMessage:
+def read_console_message(text: str | bytes) -> Message:
     """
     Read a message to the page, as a test or another client does.
 

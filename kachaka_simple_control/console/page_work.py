@@ -21,19 +21,19 @@ from functools import partial
 from typing import Any, Protocol, TypeVar
 
 from kachaka_simple_control.console.folder import FileExistsInFolderError, Folder, FolderError
+from kachaka_simple_control.console.messages import Message
 from kachaka_simple_control.console.page_protocol import (
     AskPreview,
-    ConsoleMessage,
     FileText,
     ListMotions,
     Motion,
     Motions,
     OpenFile,
     PageAnswer,
-    PageRequest,
     SaveFile,
 )
 from kachaka_simple_control.console.preview import PreviewWorker
+from kachaka_simple_control.console.protocol import Request
 
 T = TypeVar('T')
 
@@ -49,7 +49,7 @@ class Page(Protocol):
     def is_behind(self) -> bool:
         """Return whether the page has not yet taken the last messages."""
 
-    def send(self, message: ConsoleMessage) -> None:
+    def send(self, message: Message) -> None:
         """Send a message to the page, or drop the page if it does not take messages."""
 
 
@@ -71,7 +71,7 @@ class PageWork:
         self._asked: dict[Page, AskPreview] = {}
         self._planned_for: set[Page] = set()
 
-    def handle(self, page: Page, message: PageRequest) -> None:
+    def handle(self, page: Page, message: Request) -> None:
         """
         Begin to handle a message about files or plans; the answer is sent later.
 
@@ -86,7 +86,7 @@ class PageWork:
             case OpenFile():
                 self.spawn(self._open(page, message))
             case ListMotions():
-                self.spawn(self._list((page,), message.request))
+                self.spawn(self._list((page,), message.id))
 
     def spawn(self, work: Coroutine[Any, Any, None]) -> None:
         """
@@ -121,7 +121,7 @@ class PageWork:
     def _ask_preview(self, page: Page, ask: AskPreview) -> None:
         old = self._asked.get(page)
         if old is not None:
-            page.send(PageAnswer(old.request, False, 'replaced by a newer one'))
+            page.send(PageAnswer(old.id, False, 'replaced by a newer one'))
         self._asked[page] = ask
         if page not in self._planned_for:
             self._planned_for.add(page)
@@ -140,24 +140,24 @@ class PageWork:
                 self._folder.write, message.file, message.text, message.may_overwrite))
         except FolderError as error:
             page.send(PageAnswer(
-                message.request, False, str(error),
+                message.id, False, str(error),
                 may_overwrite=isinstance(error, FileExistsInFolderError)))
             return
-        page.send(PageAnswer(message.request, True, f'{message.file} is saved'))
+        page.send(PageAnswer(message.id, True, f'{message.file} is saved'))
         await self._list(self._pages(), None)
 
     async def _open(self, page: Page, message: OpenFile) -> None:
         try:
             text = await self.read(message.name)
         except FolderError as error:
-            page.send(PageAnswer(message.request, False, str(error)))
+            page.send(PageAnswer(message.id, False, str(error)))
         else:
-            page.send(FileText(message.request, message.name, text))
+            page.send(FileText(message.id, message.name, text))
 
-    async def _list(self, pages: tuple[Page, ...], request: int | None) -> None:
+    async def _list(self, pages: tuple[Page, ...], number: int | None) -> None:
         motions = await self.motions()
         for page in pages:
-            page.send(Motions(request, motions))
+            page.send(Motions(number, motions))
 
 
 async def in_thread(function: Callable[[], T]) -> T:

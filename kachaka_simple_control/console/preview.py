@@ -52,11 +52,11 @@ DEFAULT_RATE = 10.0
 LINE_LIMIT = 1_000_000
 
 
-def preview(request: int, text: str, robot: str | None = None, name: str = 'motion') -> Preview:
+def preview(number: int, text: str, robot: str | None = None, name: str = 'motion') -> Preview:
     """
     Check the text of a motion, and plan it as an open loop.
 
-    :param request: the number of the request
+    :param number: the number of the request
     :param text: the text of a motion file
     :param robot: the name or the path of the robot's profile; None for what the text says
     :param name: the name of a motion whose text has none
@@ -70,14 +70,14 @@ def preview(request: int, text: str, robot: str | None = None, name: str = 'moti
         view = PlanView(file.motion.name, profile.name, order.plan(), limits, profile.footprint)
     except FileError as error:
         problems = error.problems[:MAX_ERRORS]
-        return Preview(request, tuple(LineError(part.line, str(part)) for part in problems), None)
+        return Preview(number, tuple(LineError(part.line, str(part)) for part in problems), None)
     except ControlError as error:
-        return Preview(request, (LineError(None, str(error)),), None)
+        return Preview(number, (LineError(None, str(error)),), None)
     points = tuple(
         (round(pose.x, 4), round(pose.y, 4), round(pose.theta, 4))
         for pose in sample_path(view.plan, most=MAX_POINTS))
     (x0, y0), (x1, y1) = view.floor.corners
-    return Preview(request, (), Plan(
+    return Preview(number, (), Plan(
         points, (x0, y0, x1, y1), view.plan.duration, len(view.plan.steps)))
 
 
@@ -124,7 +124,7 @@ class PreviewWorker:
             except (OSError, ValueError) as error:
                 why = f'the worker that plans has failed: {error}'
             await self.close()
-            return Preview(ask.request, (LineError(None, why),), None)
+            return Preview(ask.id, (LineError(None, why),), None)
 
     async def close(self) -> None:
         """End the worker."""
@@ -160,7 +160,7 @@ def main(answer: Callable[..., Preview] = preview) -> int:
     with contextlib.suppress(KeyboardInterrupt, BrokenPipeError):
         for line in sys.stdin.buffer:
             ask = from_json(line.rstrip(), {AskPreview.TYPE: AskPreview})
-            sys.stdout.write(to_json(answer(ask.request, ask.text, robot), LINE_LIMIT) + '\n')
+            sys.stdout.write(to_json(answer(ask.id, ask.text, robot), LINE_LIMIT) + '\n')
             sys.stdout.flush()
     return 0
 

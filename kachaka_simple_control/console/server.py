@@ -23,8 +23,9 @@ import socket
 from typing import Any
 
 from kachaka_simple_control.console.hub import Hub
-from kachaka_simple_control.console.messages import MessageError, to_json
-from kachaka_simple_control.console.page_protocol import ConsoleMessage, LogLine, MAX_SENT
+from kachaka_simple_control.console.messages import Message, MessageError, to_json
+from kachaka_simple_control.console.page_protocol import MAX_SENT
+from kachaka_simple_control.console.protocol import Log
 from kachaka_simple_control.console.security import (
     Access,
     allowed_hosts,
@@ -220,7 +221,7 @@ class PageSocket(_Guarded, tornado.websocket.WebSocketHandler):
         self._is_open = False
         self.hub.close_page(self)
 
-    def send(self, message: ConsoleMessage) -> None:
+    def send(self, message: Message) -> None:
         """
         Send a message to the page; close a page that does not take its messages.
 
@@ -231,7 +232,7 @@ class PageSocket(_Guarded, tornado.websocket.WebSocketHandler):
         try:
             text = to_json(message, MAX_SENT)
         except MessageError as error:
-            text = to_json(LogLine('error', f'a message cannot be sent: {error}'))
+            text = to_json(Log('error', f'a message cannot be sent: {error}'))
         if self._unsent > MAX_BEHIND:
             self._drop()
             return

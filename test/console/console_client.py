@@ -28,14 +28,9 @@ import sys
 import time
 from typing import Any
 
-from kachaka_simple_control.console.messages import to_json
-from kachaka_simple_control.console.page_protocol import (
-    Hello,
-    Lease,
-    PageMessage,
-    StopRobot,
-    TakeRobot,
-)
+from kachaka_simple_control.console.messages import Message, to_json
+from kachaka_simple_control.console.page_protocol import Hello, Lease
+from kachaka_simple_control.console.protocol import Stop, Take
 from optional_libraries import optional_imports
 from waiting import wait_until
 
@@ -163,7 +158,7 @@ class PageClient:
                 self.messages.append(message)
         self.is_closed = True
 
-    def send(self, message: PageMessage) -> None:
+    def send(self, message: Message) -> None:
         """Send a message."""
         self.connection.write_message(to_json(message))
 
@@ -171,17 +166,17 @@ class PageClient:
         """Send any text."""
         self.connection.write_message(text)
 
-    async def ask(self, kind: type[PageMessage], **values: object) -> Values:
+    async def ask(self, kind: type[Message], **values: object) -> Values:
         """Send a request, and return what answers it."""
         self._request += 1
         number = self._request
-        self.send(kind(request=number, **values))
+        self.send(kind(id=number, **values))
         await self.until(lambda: self._answer(number))
         return self._answer(number) or {}
 
     def _answer(self, number: int) -> Values | None:
         return next((message for message in self.messages
-                     if message.get('request') == number), None)
+                     if message.get('id') == number), None)
 
     def hand_text(self, linear_x: float, angular_z: float = 0.0, **changes: object) -> str:
         """Return a velocity of the hand, with the newest stamp."""
@@ -213,12 +208,12 @@ class PageClient:
         await self.greet()
         await self.until(lambda: self.state['process'] == 'running')
         assert (await self.ask(Lease, want=True))['is_done']
-        assert (await self.ask(TakeRobot))['is_done']
+        assert (await self.ask(Take))['is_done']
         await self.until(lambda: self.stamp and self.state['state'] == 'ready')
 
     async def stop(self) -> Values:
         """Stop the robot, and return the answer."""
-        return await self.ask(StopRobot)
+        return await self.ask(Stop)
 
     def close(self) -> None:
         """Close the connection."""

@@ -33,13 +33,13 @@ import signal
 import sys
 import time
 
+from kachaka_simple_control.console.messages import MessageError
 from kachaka_simple_control.console.protocol import (
     Alive,
     Answer,
     Command,
     Hand,
     Log,
-    MessageError,
     Pause,
     read_command,
     Release,

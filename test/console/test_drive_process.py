@@ -88,10 +88,10 @@ def test_it_runs_when_it_has_found_its_robot_and_answers():
         assert ['starting', 'running'] == watched.states
         assert isinstance(next(report for report in watched.reports
                                if not isinstance(report, Log)), Robot)
-        answer = await watched.drive.request(Pause)
+        answer = await watched.drive.request(Pause(0))
         assert not answer.is_done
         assert 'no motion' in answer.text
-        answer = await watched.drive.request(Stop)
+        answer = await watched.drive.request(Stop(0))
         assert answer.is_done
         assert answer.is_confirmed
         await watched.until(lambda: 'started' in watched.logs())
@@ -102,7 +102,7 @@ def test_it_runs_when_it_has_found_its_robot_and_answers():
 def test_without_odometry_a_stop_is_unconfirmed():
     async def scenario(watched: Watched) -> None:
         await watched.start()
-        answer = await watched.drive.request(Stop)
+        answer = await watched.drive.request(Stop(0))
         assert answer.is_confirmed is None
 
     run(scenario, '--no-odometry')
@@ -112,7 +112,7 @@ def test_a_stop_before_the_robot_is_found_is_sent():
     async def scenario(watched: Watched) -> None:
         watched.drive.start()
         await watched.until(lambda: watched.drive.pid)
-        answer = await watched.drive.request(Stop)
+        answer = await watched.drive.request(Stop(0))
         assert answer.is_done
 
     run(scenario, '--start-delay', '0.3')
@@ -121,7 +121,7 @@ def test_a_stop_before_the_robot_is_found_is_sent():
 def test_a_stop_at_the_press_of_start_is_sent():
     async def scenario(watched: Watched) -> None:
         watched.drive.start()
-        answer = await watched.drive.request(Stop)
+        answer = await watched.drive.request(Stop(0))
         assert answer.is_done
 
     run(scenario)
@@ -131,7 +131,7 @@ def test_after_a_release_a_new_process_is_started():
     async def scenario(watched: Watched) -> None:
         await watched.start()
         first = watched.drive.pid
-        assert (await watched.drive.request(Take)).is_done
+        assert (await watched.drive.request(Take(0))).is_done
         assert (await watched.drive.released()).is_done
         await watched.until(lambda: watched.states == [
             'starting', 'running', 'ended', 'starting', 'running'])
@@ -147,14 +147,14 @@ def test_after_a_permanent_stop_only_a_press_starts_a_new_one(signum: int, reaso
     async def scenario(watched: Watched) -> None:
         await watched.start()
         assert watched.drive.pid
-        pause = watched.drive.request(Take)
+        pause = watched.drive.request(Take(0))
         os.kill(watched.drive.pid, signum)
         await watched.until(lambda: watched.drive.state == 'ended')
         assert reason in (watched.drive.reason or '')
         await pause
         await asyncio.sleep(0.5)
         assert watched.drive.state == 'ended'
-        answer = await watched.drive.request(Stop)
+        answer = await watched.drive.request(Stop(0))
         assert not answer.is_done
         watched.drive.start()
         await watched.until(lambda: watched.drive.state == 'running')
@@ -167,7 +167,7 @@ def test_who_waits_for_an_answer_hears_of_the_end():
         await watched.start()
         assert watched.drive.pid
         os.kill(watched.drive.pid, signal.SIGSTOP)
-        waiting = watched.drive.request(Take)
+        waiting = watched.drive.request(Take(0))
         await asyncio.sleep(0.1)
         os.kill(watched.drive.pid, signal.SIGKILL)
         answer = await waiting
@@ -231,7 +231,7 @@ def test_nothing_of_the_hand_waits_for_a_process_that_does_not_read(tmp_path: Pa
         assert sum(sent) < 10
         assert watched.drive.hand(Hand(2000, 1.0, 0.0, 0.0))  # a zero is never wrong
         os.kill(watched.drive.pid, signal.SIGCONT)
-        await watched.drive.request(Stop)
+        await watched.drive.request(Stop(0))
         assert record.read_text().count('"hand"') == sum(sent) + 1
 
     run(scenario, f'--record={record}')
@@ -242,7 +242,7 @@ def test_a_stop_for_a_process_that_does_not_read_is_a_signal(monkeypatch: pytest
 
     async def scenario(watched: Watched) -> None:
         await watched.start()
-        answer = await watched.drive.request(Stop)
+        answer = await watched.drive.request(Stop(0))
         assert not answer.is_done
         assert 'stopped by a signal' in answer.text
 
@@ -255,11 +255,11 @@ def test_a_stop_that_finds_the_pipe_full_is_a_signal():
         begun = time.monotonic()
         refused = []
         for _ in range(10):
-            future = watched.drive.request(Run, text='x' * 60_000, name='long')
+            future = watched.drive.request(Run(0, 'x' * 60_000, 'long'))
             refused += [future] if future.done() else []
         assert refused
         assert 'does not read' in refused[0].result().text
-        answer = await watched.drive.request(Stop)
+        answer = await watched.drive.request(Stop(0))
         assert 'stopped by a signal' in answer.text
         assert time.monotonic() - begun < 2.0
 
@@ -269,10 +269,10 @@ def test_a_stop_that_finds_the_pipe_full_is_a_signal():
 def test_a_long_line_arrives_whole():
     async def scenario(watched: Watched) -> None:
         await watched.start()
-        assert (await watched.drive.request(Take)).is_done
-        answer = await watched.drive.request(Run, text='steps:' + 'x' * 60_000, name='long')
+        assert (await watched.drive.request(Take(0))).is_done
+        answer = await watched.drive.request(Run(0, 'steps:' + 'x' * 60_000, 'long'))
         assert answer.is_done
-        answer = await watched.drive.request(Run, text='x' * 70_000, name='long')
+        answer = await watched.drive.request(Run(0, 'x' * 70_000, 'long'))
         assert 'more than 64000' in answer.text
 
     run(scenario)

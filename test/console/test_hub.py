@@ -25,18 +25,15 @@ from kachaka_simple_control.console.hub import Hub
 from kachaka_simple_control.console.lease import IDLE_TIME
 from kachaka_simple_control.console.messages import Message, to_json
 from kachaka_simple_control.console.page_protocol import (
-    ConsoleMessage,
     Hello,
     Lease,
     ListMotions,
     PageAnswer,
-    PauseMotion,
     RunMotion,
-    SetSpeed,
     StateChanges,
-    TakeRobot,
 )
 from kachaka_simple_control.console.preview import PreviewWorker
+from kachaka_simple_control.console.protocol import Pause, Speed, Take
 import pytest
 from scripted_console import drive_command as scripted
 
@@ -54,7 +51,7 @@ class FakePage:
         hub.open_page(self)
         self.tell(Hello())
 
-    def send(self, message: ConsoleMessage) -> None:
+    def send(self, message: Message) -> None:
         """Keep a message."""
         self.messages.append(message)
         if isinstance(message, StateChanges):
@@ -78,7 +75,7 @@ class FakePage:
 
         def is_answered() -> bool:
             found[:] = [sent for sent in self.messages if isinstance(sent, PageAnswer)
-                        and sent.request == message.request]
+                        and sent.id == message.id]
             return bool(found)
 
         await self.until(is_answered)
@@ -104,7 +101,7 @@ async def taken(hub: Hub) -> FakePage:
     page = FakePage(hub)
     await page.until(lambda: page.state.get('process') == 'running')
     assert await page.ask(Lease(1, True))
-    assert await page.ask(TakeRobot(2))
+    assert await page.ask(Take(2))
     await page.until(lambda: page.state['state'] == 'ready')
     return page
 
@@ -115,7 +112,7 @@ def test_the_lease_ends_without_input_and_the_robot_is_released():
         now[0] += IDLE_TIME - 1.0
         hub.tick()
         assert 'you' == page.state['driver']
-        assert await page.ask(SetSpeed(3, 0.5))  # this is input
+        assert await page.ask(Speed(3, 0.5))  # this is input
         now[0] += IDLE_TIME - 1.0
         hub.tick()
         assert 'you' == page.state['driver']
@@ -137,7 +134,7 @@ def test_the_lease_does_not_end_while_a_motion_is_driven_or_paused():
         now[0] += 2.0 * IDLE_TIME
         hub.tick()
         assert 'you' == page.state['driver']
-        assert await page.ask(PauseMotion(4))
+        assert await page.ask(Pause(4))
         await page.until(lambda: page.state['state'] == 'paused')
         now[0] += 2.0 * IDLE_TIME
         hub.tick()

@@ -270,7 +270,7 @@ def test_only_one_page_drives_and_every_page_stops(page):
         const send = message => other.send(JSON.stringify({v: 1, ...message}));
         other.onopen = () => {
             send({type: 'hello'});
-            send({type: 'lease', request: 1, want: true});
+            send({type: 'lease', id: 1, want: true});
         };
         window.other = other;""")
     page.wait(lambda: page.text('#lease-note') == 'Another page has the robot.', 'the other page')

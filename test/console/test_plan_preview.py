@@ -88,7 +88,7 @@ def test_the_worker_answers_and_the_loop_goes_on_meanwhile():
             last = time.monotonic()
         await worker.close()
         wanted = preview(0, TEXT)
-        assert [replace(wanted, request=number) for number in range(3)] == [
+        assert [replace(wanted, id=number) for number in range(3)] == [
             work.result() for work in works]
         return max(gaps)
 

@@ -28,16 +28,11 @@ from console_client import console, ConsoleProgram, PageClient, serve
 from kachaka_simple_control.console.page_protocol import (
     AskPreview,
     Lease,
-    PauseMotion,
     Record,
-    ReleaseRobot,
-    ResumeMotion,
     RunMotion,
-    SetSpeed,
     Start,
-    StopRobot,
-    TakeRobot,
 )
+from kachaka_simple_control.console.protocol import Pause, Release, Resume, Speed, Stop, Take
 from kachaka_simple_control.files.motion_file import loads
 import pytest
 from waiting import wait_until
@@ -65,9 +60,9 @@ def test_the_first_state_is_whole_and_the_others_are_differences(tmp_path: Path)
         assert 'nobody' == page.state['driver']
         await page.ask(Lease, want=True)
         assert 'you' == page.state['driver']
-        robots = [message['robot'] for message in page.messages
-                  if message['type'] in ('robot', 'welcome') and message['robot']]
-        assert 'scripted' == robots[0]['robot']
+        robots = [message if message['type'] == 'robot' else message['robot']
+                  for message in page.messages if message['type'] in ('robot', 'welcome')]
+        assert 'scripted' == next(robot for robot in robots if robot)['robot']
 
     serve(tmp_path, scenario)
 
@@ -168,10 +163,10 @@ def test_a_motion_is_driven_paused_slowed_and_stopped(tmp_path: Path):
         assert (await page.ask(RunMotion, name='square'))['is_done']
         await page.until(lambda: page.state['state'] == 'driving' and page.state['progress'])
         assert 'square' == page.state['motion']
-        assert (await page.ask(PauseMotion))['is_done']
+        assert (await page.ask(Pause))['is_done']
         await page.until(lambda: page.state['state'] == 'paused')
-        assert (await page.ask(SetSpeed, factor=0.5))['is_done']
-        assert (await page.ask(ResumeMotion))['is_done']
+        assert (await page.ask(Speed, factor=0.5))['is_done']
+        assert (await page.ask(Resume))['is_done']
         await page.until(lambda: page.state['factors'] == {'console': 0.5})
         answer = await page.stop()
         assert answer['is_done']
@@ -197,7 +192,7 @@ def test_without_odometry_a_stop_is_sent_but_unconfirmed(tmp_path: Path):
 def test_a_stop_needs_no_hello(tmp_path: Path):
     async def scenario(program: ConsoleProgram) -> None:
         page = await PageClient.connect(program)
-        page.send(StopRobot(1))
+        page.send(Stop(1))
         await page.until(lambda: program.lines('stop'))
 
     serve(tmp_path, scenario)
@@ -255,9 +250,9 @@ def test_a_newer_preview_replaces_one_that_waits(tmp_path: Path):
         for number in range(1, 6):
             page.send(AskPreview(100 + number, f'steps:\n  - wait: {number} s\n'))
         await page.until(lambda: 5 == sum(
-            message.get('request', 0) > 100 for message in page.messages))
-        kinds = {message['request']: message['type'] for message in page.messages
-                 if 'request' in message}
+            message.get('id', 0) > 100 for message in page.messages))
+        kinds = {message['id']: message['type'] for message in page.messages
+                 if 'id' in message}
         assert 'preview' == kinds[105]
         assert 'answer' == kinds[103]
 
@@ -269,12 +264,12 @@ def test_a_release_starts_a_new_process(tmp_path: Path):
         page = await PageClient.connect(program)
         await page.take()
         first = program.drive_pid()
-        assert (await page.ask(ReleaseRobot))['is_done']
+        assert (await page.ask(Release))['is_done']
         await page.until(lambda: page.state['state'] == 'standing by')
         await page.until(lambda: page.state['process'] == 'running')
         assert first != program.drive_pid()
         assert 'you' == page.state['driver']
-        assert (await page.ask(TakeRobot))['is_done']
+        assert (await page.ask(Take))['is_done']
 
     serve(tmp_path, scenario)
 
@@ -291,7 +286,7 @@ def test_a_process_that_dies_is_started_only_by_a_press(tmp_path: Path):
         assert 'ended' == page.state['state']
         assert [0.0, 0.0] == page.state['velocity']
         page.hand(0.2)
-        answer = await page.ask(TakeRobot)
+        answer = await page.ask(Take)
         assert not answer['is_done']
         assert 'does not run' in answer['text']
         await asyncio.sleep(0.5)

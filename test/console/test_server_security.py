@@ -26,22 +26,16 @@ import time
 
 from console_client import console, ConsoleProgram, PageClient, serve
 from kachaka_simple_control.console.page_protocol import (
-    HandInput,
     Hello,
     Lease,
     ListMotions,
     OpenFile,
-    PauseMotion,
     Record,
-    ReleaseRobot,
-    ResumeMotion,
     RunMotion,
     SaveFile,
-    SetSpeed,
     Start,
-    StopRobot,
-    TakeRobot,
 )
+from kachaka_simple_control.console.protocol import Hand, Pause, Release, Resume, Speed, Stop, Take
 from kachaka_simple_control.console.security import (
     HAND_RATE,
     HEADERS,
@@ -139,15 +133,15 @@ def test_links_decide_who_may_look_and_drive(tmp_path: Path):
         driver = await PageClient.connect(program)
         await driver.take()
         for kind, values in (
-                (Lease, {'want': True}), (TakeRobot, {}), (ReleaseRobot, {}), (ResumeMotion, {}),
-                (RunMotion, {'text': 'steps: []'}), (SetSpeed, {'factor': 0.5}), (Start, {}),
+                (Lease, {'want': True}), (Take, {}), (Release, {}), (Resume, {}),
+                (RunMotion, {'text': 'steps: []'}), (Speed, {'factor': 0.5}), (Start, {}),
                 (Record, {'on': True}), (SaveFile, {'file': 'x.yaml', 'text': ''})):
             answer = await viewer.ask(kind, **values)
             assert not answer['is_done'], kind
             assert 'viewers' in answer['text']
-        viewer.send(HandInput(1, driver.stamp or 0.0, 0.2, 0.0))
-        assert (await viewer.ask(StopRobot))['is_confirmed']
-        assert not (await viewer.ask(PauseMotion))['is_done']  # the drive process has decided
+        viewer.send(Hand(1, driver.stamp or 0.0, 0.2, 0.0))
+        assert (await viewer.ask(Stop))['is_confirmed']
+        assert not (await viewer.ask(Pause))['is_done']  # the drive process has decided
         assert ['take', 'stop', 'pause'] == [line['type'] for line in program.lines()]
 
     serve(tmp_path, scenario, '--token')
@@ -160,13 +154,13 @@ def test_a_page_without_the_lease_cannot_drive(tmp_path: Path):
         await other.greet()
         await other.until(lambda: other.state.get('driver') == 'another')
         assert not (await other.ask(Lease, want=True))['is_done']
-        for kind, values in ((TakeRobot, {}), (RunMotion, {'name': 'square'}),
-                             (SetSpeed, {'factor': 0.5}), (ResumeMotion, {})):
+        for kind, values in ((Take, {}), (RunMotion, {'name': 'square'}),
+                             (Speed, {'factor': 0.5}), (Resume, {})):
             answer = await other.ask(kind, **values)
             assert 'does not drive' in answer['text']
         assert other.stamp is None
         for number in range(5):
-            other.send(HandInput(number, driver.stamp or 0.0, 0.2, 0.0))
+            other.send(Hand(number, driver.stamp or 0.0, 0.2, 0.0))
         assert (await other.stop())['is_done']
         assert ['take', 'stop'] == [line['type'] for line in program.lines()]
 
@@ -177,7 +171,7 @@ def test_what_is_too_long_or_no_message_is_refused(tmp_path: Path):
     async def scenario(program: ConsoleProgram) -> None:
         driver = await PageClient.connect(program)
         await driver.take()
-        for text in ('', 'x', '[]', '{"v":1,"type":"alive"}', '{"v":1,"type":"take","id":1}',
+        for text in ('', 'x', '[]', '{"v":1,"type":"alive"}', '{"v":1,"type":"take","request":1}',
                      driver.hand_text(0.2, stamp='now'), driver.hand_text(0.2, extra=1),
                      driver.hand_text(0.2).replace('0.2', 'NaN'),
                      driver.hand_text(0.2).replace('0.2', '1e999')):
@@ -201,12 +195,12 @@ def test_a_flood_is_cut_but_no_stop_is_lost(tmp_path: Path):
         begun = time.monotonic()
         for number in range(count):
             driver.hand(0.0)
-            driver.send(PauseMotion(10_000 + number))
+            driver.send(Pause(10_000 + number))
             if number % 10 == 0:
-                driver.send(StopRobot(20_000 + number))
+                driver.send(Stop(20_000 + number))
         await driver.until(lambda: len([
             message for message in driver.messages
-            if message.get('request', 0) >= 20_000 and message['is_done']]) == count // 10)
+            if message.get('id', 0) >= 20_000 and message['is_done']]) == count // 10)
         spent = time.monotonic() - begun
         await asyncio.sleep(0.2)
         lines = [line['type'] for line in program.lines()]
@@ -222,8 +216,8 @@ def test_a_flood_is_cut_but_no_stop_is_lost(tmp_path: Path):
 #: What floods a console: a small and a large message, one that is no message, a ping, and a part
 #: of a message without an end; each as a masked frame.
 FLOODS = {
-    'small': (0x81, b'{"v":1,"type":"list","request":1}'),
-    'large': (0x81, b'{"v":1,"type":"preview","request":1,"text":"' + b'x' * 60_000 + b'"}'),
+    'small': (0x81, b'{"v":1,"type":"list","id":1}'),
+    'large': (0x81, b'{"v":1,"type":"preview","id":1,"text":"' + b'x' * 60_000 + b'"}'),
     'invalid': (0x81, b'{'),
     'ping': (0x89, b''),
     'part': (0x00, b''),
@@ -278,9 +272,9 @@ def test_a_stop_is_not_delayed_by_the_flood_of_another(tmp_path: Path, kind: str
         worst = 0.0
         for number in range(10):
             sent = time.monotonic()
-            driver.send(StopRobot(100 + number))
+            driver.send(Stop(100 + number))
             await driver.until(lambda: 100 + number in {  # noqa: B023
-                message.get('request') for message in driver.messages})
+                message.get('id') for message in driver.messages})
             worst = max(worst, program.lines('stop')[-1]['time'] - sent)
         assert flood.poll() is None
         flood.kill()
@@ -299,19 +293,19 @@ def test_a_flood_of_stops_does_not_fill_the_pipe(tmp_path: Path):
         await driver.take()
         begun = time.monotonic()
         for number in range(1000):
-            other.send(StopRobot(number))
+            other.send(Stop(number))
         await other.until(lambda: 1000 == sum(
             message.get('is_done', False) for message in other.messages))
         spent = time.monotonic() - begun
         assert 1 <= len(program.lines('stop')) <= 2 + spent / 0.04  # it answers every 0.05 s
         # A stop after anything else is another stop.
         count = len(program.lines('stop'))
-        other.send(StopRobot(2000))
+        other.send(Stop(2000))
         driver.send(RunMotion(3000, text='steps: []'))
         await driver.until(lambda: program.lines('run'))
-        other.send(StopRobot(2001))
+        other.send(Stop(2001))
         await other.until(lambda: 2001 in {
-            message.get('request') for message in other.messages})
+            message.get('id') for message in other.messages})
         lines = [line['type'] for line in program.lines()]
         assert count + 2 == lines.count('stop')
         assert 'stop' == lines[-1]
@@ -346,7 +340,7 @@ def test_a_page_that_reads_nothing_is_closed_and_others_go_on(tmp_path: Path):
         other = await PageClient.connect(program)
         await other.greet()
         await other.until(lambda: other.state['watchers'] == 2)
-        ask = json.dumps({'v': 1, 'type': 'open', 'request': 1, 'name': 'long.yaml'}).encode()
+        ask = json.dumps({'v': 1, 'type': 'open', 'id': 1, 'name': 'long.yaml'}).encode()
         frame = bytes([0x81, 0x80 | len(ask), 0, 0, 0, 0]) + ask
         begun = time.monotonic()
         while other.state['watchers'] == 2:

@@ -2,7 +2,7 @@
 /**
  * The WebSocket to the console's server.
  *
- * Messages are JSON objects with `v` and `type` (page_protocol.py). A message with a `request`
+ * Messages are JSON objects with `v` and `type` (page_protocol.py). A message with an `id`
  * gets one answer. When nothing has been heard for a while, the page asks for the list of motions:
  * an answer shows that the connection works. A socket that has been silent for too long counts as
  * lost even if the browser believes that it is open.
@@ -72,9 +72,9 @@ export class Connection extends EventTarget {
    * @returns {Promise<Object>} the answer; `is_done` is false if the connection is lost
    */
   request(type, fields = {}) {
-    const request = ++this.lastRequest;
-    const refused = (text, more) => ({type: 'answer', request, is_done: false, text, ...more});
-    if (!this.send(type, {request, ...fields})) {
+    const id = ++this.lastRequest;
+    const refused = (text, more) => ({type: 'answer', id, is_done: false, text, ...more});
+    if (!this.send(type, {id, ...fields})) {
       return Promise.resolve(refused(
         'There is no connection to the server.', {isLost: true, isUnsent: true}));
     }
@@ -83,15 +83,15 @@ export class Connection extends EventTarget {
       const timer = setTimeout(
         () => this.settle(refused(`No answer from the server within ${within / 1_000} s.`, {})),
         within);
-      this.waiting.set(request, {resolve, timer});
+      this.waiting.set(id, {resolve, timer});
     });
   }
 
   /** Resolve the request that a message answers. */
   settle(message) {
-    const entry = this.waiting.get(message.request);
+    const entry = this.waiting.get(message.id);
     if (entry === undefined) return;
-    this.waiting.delete(message.request);
+    this.waiting.delete(message.id);
     clearTimeout(entry.timer);
     entry.resolve(message);
   }
@@ -131,9 +131,9 @@ export class Connection extends EventTarget {
     this.socket = null;
     this.isOpen = false;
     socket.close();
-    for (const request of [...this.waiting.keys()]) {
+    for (const id of [...this.waiting.keys()]) {
       this.settle({
-        type: 'answer', request, is_done: false, isLost: true,
+        type: 'answer', id, is_done: false, isLost: true,
         text: 'The connection was lost before the answer came.'});
     }
     this.dispatchEvent(new Event('lost'));

@@ -157,7 +157,7 @@ connection.addEventListener('welcome', event => {
   refresh();
 });
 connection.addEventListener('robot', event => {
-  useRobot(event.detail.robot);
+  useRobot(event.detail);
   if (editor.text !== '') editor.check();
 });
 connection.addEventListener('state', event => changeState(event.detail.changes));
