@@ -26,7 +26,7 @@ from typing import Any
 from benchmarks.console_matrix.table import matrix
 from benchmarks.console_matrix.trial import find_violations, LOAD_FACTOR
 from benchmarks.run import RESULTS, today
-from console.page_browser import CHROMIUM, DRIVER
+import chromium
 from program import restore_signals
 from stall_observer import MAX_REPEATED, too_many
 
@@ -36,8 +36,8 @@ REFERENCE = RESULTS / 'console_matrix.json'
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the trials that the arguments name; return 1 if there is a violation, else 0."""
     options = _parser().parse_args(arguments)
-    if CHROMIUM is None or not DRIVER.exists():
-        print('needs chromium and chromedriver in /usr/bin: make browser', file=sys.stderr)
+    if not chromium.IS_HERE:
+        print(chromium.MISSING, file=sys.stderr)
         return 2
     from kachaka_simple_control.ros.dds_transport import use_localhost_only
     # Called before rclpy is imported, so that no other robot receives these messages.

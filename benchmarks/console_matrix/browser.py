@@ -26,10 +26,9 @@ import time
 from typing import Any
 
 from benchmarks.console_matrix.console_run import descendants
-from console.page_browser import ARGUMENTS, CHROMIUM, DRIVER, Page
-from selenium import webdriver
+import chromium
+from console.page_browser import Page
 from selenium.common.exceptions import WebDriverException
-from selenium.webdriver.chrome.service import Service
 from waiting import poll
 
 #: How long the page may take for anything [s].
@@ -54,12 +53,7 @@ class Browser:
 
     def __init__(self) -> None:
         self._profile = Path(tempfile.mkdtemp(prefix='console_matrix_'))
-        options = webdriver.ChromeOptions()
-        options.binary_location = str(CHROMIUM)
-        for argument in (*ARGUMENTS, f'--user-data-dir={self._profile}'):
-            options.add_argument(argument)
-        self.driver = webdriver.Chrome(
-            options=options, service=Service(executable_path=str(DRIVER)))
+        self.driver = chromium.start(self._profile)
         self._pid = int(self.driver.capabilities['goog:processID'])
         #: an empty tab behind the page, without which the browser would end with the page's tab
         self._spare = self.driver.current_window_handle

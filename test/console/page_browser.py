@@ -19,8 +19,8 @@ The browser records what the page sends over its WebSocket, with times; tests re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 import json
 import os
 from pathlib import Path
@@ -31,39 +31,11 @@ from typing import Any
 
 import pytest
 
-CHROMIUM = next((path for path in (Path('/usr/bin/chromium'), Path('/usr/bin/chromium-browser'))
-                 if path.exists()), None)
-DRIVER = Path('/usr/bin/chromedriver')
-ARGUMENTS = (
-    '--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
-    '--disable-background-networking', '--disable-component-update', '--disable-sync')
 SCRIPT = Path(__file__).with_name('scripted_console.py')
 #: How long the page may take for anything [s].
 PATIENCE = 10.0
 #: What the page shows where there is no value.
 NOTHING = '\u2013'
-
-
-@contextmanager
-def chromium(profile: Path) -> Iterator[Any]:
-    """Yield a browser with a new profile, or skip the test if there is none."""
-    pytest.importorskip('selenium', reason='needs selenium')
-    pytest.importorskip('tornado', reason='needs tornado')
-    if CHROMIUM is None or not DRIVER.exists():
-        pytest.skip('needs chromium and chromedriver in /usr/bin: make browser')
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
-    options = webdriver.ChromeOptions()
-    options.binary_location = str(CHROMIUM)
-    for argument in (*ARGUMENTS, f'--user-data-dir={profile}'):
-        options.add_argument(argument)
-    options.set_capability('goog:loggingPrefs', {'performance': 'ALL', 'browser': 'ALL'})
-    driver = webdriver.Chrome(options=options, service=Service(executable_path=str(DRIVER)))
-    try:
-        driver.execute_cdp_cmd('Network.enable', {})
-        yield driver
-    finally:
-        driver.quit()
 
 
 class Console:

@@ -21,7 +21,8 @@ import signal
 import time
 from urllib.parse import urlsplit
 
-from page_browser import chromium, Console, NOTHING, Page
+import chromium
+from page_browser import Console, NOTHING, Page
 import pytest
 
 W, ESCAPE, SPACE = 'w', '\ue00c', ' '
@@ -33,7 +34,8 @@ MARKUP = '<img src=x onerror=document.title=1>'
 @pytest.fixture(scope='module')
 def browser(tmp_path_factory):
     """Yield a browser."""
-    with chromium(tmp_path_factory.mktemp('profile')) as driver:
+    pytest.importorskip('tornado', reason='needs tornado')
+    with chromium.browser(tmp_path_factory.mktemp('profile')) as driver:
         yield driver
 
 

@@ -18,8 +18,9 @@ from pathlib import Path
 import re
 import time
 
+import chromium
 from kachaka_simple_control import __file__ as package_file
-from page_browser import chromium, Console, Page
+from page_browser import Console, Page
 import pytest
 
 STATIC = Path(package_file).parent / 'console' / 'static'
@@ -150,7 +151,8 @@ def test_modules_are_short_and_explained():
 @pytest.fixture(scope='module')
 def browser(tmp_path_factory):
     """Yield a browser."""
-    with chromium(tmp_path_factory.mktemp('profile')) as driver:
+    pytest.importorskip('tornado', reason='needs tornado')
+    with chromium.browser(tmp_path_factory.mktemp('profile')) as driver:
         yield driver
 
 

@@ -16,9 +16,9 @@
 import base64
 import json
 import math
-from pathlib import Path
 import re
 
+import chromium
 from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.motion.steps import Motion, Move, Repeat, Turn
 from kachaka_simple_control.report.report_program import write_report
@@ -26,12 +26,6 @@ from outcome_logs import done, faulted, killed, lesson, never_began, stopped
 import pytest
 from simulated_drive import SimulatedDrive
 
-CHROMIUM = next((path for path in (Path('/usr/bin/chromium'), Path('/usr/bin/chromium-browser'))
-                 if path.exists()), None)
-DRIVER = Path('/usr/bin/chromedriver')
-ARGUMENTS = (
-    '--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
-    '--disable-background-networking', '--disable-component-update', '--disable-sync')
 DRIVES = {
     'done': done, 'lesson': lesson, 'faulted': faulted, 'killed': killed,
     'never_began': never_began,
@@ -86,24 +80,10 @@ LABELS = """
 @pytest.fixture(scope='module')
 def browser(tmp_path_factory):
     """Yield a browser with a new profile."""
-    pytest.importorskip('selenium', reason='needs selenium')
     pytest.importorskip('jinja2', reason='needs Jinja2')
     pytest.importorskip('matplotlib', reason='plots need matplotlib')
-    if CHROMIUM is None or not DRIVER.exists():
-        pytest.skip('needs chromium and chromedriver in /usr/bin: make browser')
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
-    options = webdriver.ChromeOptions()
-    options.binary_location = str(CHROMIUM)
-    for argument in (*ARGUMENTS, f'--user-data-dir={tmp_path_factory.mktemp("profile")}'):
-        options.add_argument(argument)
-    options.set_capability('goog:loggingPrefs', {'performance': 'ALL', 'browser': 'ALL'})
-    driver = webdriver.Chrome(options=options, service=Service(executable_path=str(DRIVER)))
-    try:
-        driver.execute_cdp_cmd('Network.enable', {})
+    with chromium.browser(tmp_path_factory.mktemp('profile')) as driver:
         yield driver
-    finally:
-        driver.quit()
 
 
 @pytest.fixture(scope='module')
