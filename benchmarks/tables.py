@@ -15,15 +15,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import math
-from typing import Any
+from typing import Any, TypeVar
 
 from benchmarks.figures import Figure, figures, find, signal_groups, where, zeros
 from benchmarks.thresholds import judge, ThresholdResult
 from kachaka_simple_control.analysis.message_timing import median
 
+TrialT = TypeVar('TrialT')
 NAMES = {
     'ours': 'ours', 'lesson': "the lesson's loop", 'timer': 'rclpy timer', 'rate': 'rclpy Rate',
     'floor': 'the floor'}
@@ -51,6 +52,24 @@ class Table:
         grid = [self.head, tuple('---' for _ in self.head), *self.rows]
         lines = [f'| {" | ".join(row)} |' for row in grid]
         return '\n'.join([f'**{self.title}**', '', *lines, ''])
+
+
+def trial_table(
+        title: str, head: tuple[str, ...], expectations: Sequence[Any],
+        trials: Mapping[str, Sequence[TrialT]],
+        row: Callable[[Any, Sequence[TrialT]], tuple[str, ...]]) -> Table:
+    """
+    Return the table of a matrix of trials; rows without trials are left out.
+
+    :param title: the title
+    :param head: the names of the columns
+    :param expectations: the rows, in order; ``what`` names each
+    :param trials: the trials by the name of the row
+    :param row: a function that returns the cells of a row
+    """
+    return Table(title, head, tuple(
+        row(expectation, trials[expectation.what]) for expectation in expectations
+        if trials.get(expectation.what)))
 
 
 def tables(run: dict[str, Any]) -> list[Table]:

@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from benchmarks.console_matrix.trial import Expectation, Trial
-from benchmarks.tables import number, Table
+from benchmarks.tables import number, Table, trial_table
 from kachaka_simple_control.analysis.message_timing import median
 
 HEAD = (
@@ -35,9 +35,7 @@ def matrix(
     :param expectations: the rows, in order
     :param trials: the trials by the name of the row; rows without trials are left out
     """
-    return Table('The console matrix', HEAD, tuple(
-        row(expectation, trials[expectation.what]) for expectation in expectations
-        if trials.get(expectation.what)))
+    return trial_table('The console matrix', HEAD, expectations, trials, row)
 
 
 def row(expectation: Expectation, trials: Sequence[Trial]) -> tuple[str, ...]:

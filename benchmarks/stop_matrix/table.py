@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from benchmarks.stop_matrix.expectation import Expectation, Zero
 from benchmarks.stop_matrix.trial import Trial
-from benchmarks.tables import number, Table
+from benchmarks.tables import number, Table, trial_table
 from kachaka_simple_control.analysis.message_timing import median
 
 HEAD = (
@@ -35,9 +35,7 @@ def matrix(
     :param expectations: the rows, in order
     :param trials: the trials by the name of the row; rows without trials are left out
     """
-    return Table('The stop matrix', HEAD, tuple(
-        row(expectation, trials[expectation.what]) for expectation in expectations
-        if trials.get(expectation.what)))
+    return trial_table('The stop matrix', HEAD, expectations, trials, row)
 
 
 def row(expectation: Expectation, trials: Sequence[Trial]) -> tuple[str, ...]:
