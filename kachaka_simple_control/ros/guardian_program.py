@@ -289,7 +289,9 @@ class GuardianProgram:
         #: the slot numbers of the robots that the node releases
         self._leaving: set[int] = set()
 
-    def serve(self, messages: int, robots: socket.socket, signals: int) -> None:
+    def serve(
+            self, messages: int, robots: socket.socket, signals: int,
+            search: int | None = None) -> None:
         """
         Run the guardian until the program that drives the robots ends, or a signal arrives.
 
@@ -301,10 +303,12 @@ class GuardianProgram:
             read
         :param signals: a file descriptor that becomes readable when a signal tells the guardian to
             end
+        :param search: the file descriptor from which the lines of the search for publishers are
+            read; None without a search
         """
         robots.setblocking(False)
         ended_by = ''
-        sources = [messages, robots.fileno(), signals]
+        sources = [messages, robots.fileno(), signals, *([] if search is None else [search])]
         while True:
             readable, _, _ = select.select(sources, [], [], self._timeout())
             now = boottime()
@@ -314,6 +318,8 @@ class GuardianProgram:
                 ended_by = 'the node is gone'
             if signals in readable:
                 ended_by = 'the guardian was told to end'
+            if search in readable and not _pass_on(search):
+                sources.remove(search)
             if readable:
                 # A robot is described before the first message about it is sent.
                 self._add_robots(robots)
@@ -425,14 +431,14 @@ def main(args: Sequence[str] | None = None) -> int:
     for name in ('domain', 'messages', 'robots', 'shared'):
         parser.add_argument(name, type=int)
     options = parser.parse_args(args)
-    start_publisher_search(options.domain, _report, (options.messages, options.robots))
+    search = start_publisher_search(options.domain, (options.messages, options.robots))
     signals = _handle_signals()
     nodes = GuardianNodes(lambda: GuardianNode(
         options.domain, lambda participant: _report(f'participant {participant.hex()}')))
     try:
         with socket.socket(fileno=options.robots) as robots:
             GuardianProgram(GuardianMemory(options.shared), nodes).serve(
-                options.messages, robots, signals)
+                options.messages, robots, signals, search)
     finally:
         # Measured: 1 of 80 guardians never returned from Fast DDS here after its node was killed,
         # and kept the claim on the robot.  The alarm ends the process.
@@ -442,10 +448,21 @@ def main(args: Sequence[str] | None = None) -> int:
     return 0
 
 
+def _pass_on(search: int) -> bool:
+    """Print what the search for publishers has found; return False at its end."""
+    data = os.read(search, READ_SIZE)
+    _print(data or b'searched\n')
+    return bool(data)
+
+
 def _report(line: str) -> None:
+    _print(f'{line}\n'.encode())
+
+
+def _print(data: bytes) -> None:
     # Not print(): the node may have ended, and then its end of the pipe is closed.
     with contextlib.suppress(OSError):
-        os.write(sys.stdout.fileno(), f'{line}\n'.encode())
+        os.write(sys.stdout.fileno(), data)
 
 
 def _handle_signals() -> int:

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 import os
 import signal
+import sys
 import time
 
 from kachaka_simple_control.control.timing import PUBLISHER_SEARCH_TIME, PUBLISHER_SEARCH_TIMEOUT
@@ -32,14 +33,13 @@ SEARCH_PERIOD = 0.02
 VELOCITY_TYPES = ('geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped')
 
 
-def start_publisher_search(
-        domain: int, report: Callable[[str], None], closed: Sequence[int]) -> None:
+def start_publisher_search(domain: int, closed: Sequence[int]) -> int:
     """
     Search for velocity publishers in a child process of this process.
 
-    The child process reports each publisher with a line ``publisher PARTICIPANT TOPIC``, where the
-    DDS participant is hexadecimal.  At its end it reports ``searched``.  It ends at the latest
-    after PUBLISHER_SEARCH_TIME (0.55 s), and early if this process ends.
+    The child process writes a line ``publisher PARTICIPANT TOPIC`` for each publisher, where the
+    DDS participant is hexadecimal.  It ends after PUBLISHER_SEARCH_TIME (0.55 s), and early if
+    this process ends.
 
     The reason for the search: a new DDS participant may discover another participant up to 3 s
     late.  Then this program could take a robot that another program drives.  The node of the
@@ -50,27 +50,31 @@ def start_publisher_search(
     its own process because Fast DDS reads its profile only once in a process.
 
     :param domain: the number of the ROS domain
-    :param report: a function that reports a line; it is called in the child process
     :param closed: the file descriptors that the child process closes, so that their other ends
         notice the end of this process
+    :returns: the file descriptor from which the lines are read; it ends with the search
     """
     parent = os.getpid()
     # The system removes the child process after its end.
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    reader, writer = os.pipe()
     if os.fork() != 0:
-        return
+        os.close(writer)
+        return reader
     try:
         # Fast DDS may hang.  The alarm ends this process.
         signal.setitimer(signal.ITIMER_REAL, PUBLISHER_SEARCH_TIMEOUT)
         for descriptor in closed:
             os.close(descriptor)
-        _search(domain, report, lambda: os.getppid() == parent)
+        # Not closed: a library may print.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _search(domain, lambda line: os.write(writer, f'{line}\n'.encode()),
+                lambda: os.getppid() == parent)
     finally:
-        report('searched')
         os._exit(0)  # without the exit functions of the parent
 
 
-def _search(domain: int, report: Callable[[str], None], is_wanted: Callable[[], bool]) -> None:
+def _search(domain: int, report: Callable[[str], object], is_wanted: Callable[[], bool]) -> None:
     context = Context()
     context.init(args=[], domain_id=domain)
     with repeated_joining():

@@ -22,7 +22,7 @@ import time
 
 from program import COMMAND, environment, JsonProcess, Program
 import pytest
-from waiting import wait_until
+from waiting import poll, wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 
@@ -273,11 +273,15 @@ def test_a_program_that_reads_no_report_can_stop_the_robot(listener):
         wait_until(lambda: listener.received)
         time.sleep(0.5)
         send(type='run', id=2, text=MOTION.replace('2 s', '20 s'), name='ahead.yaml')
-        end = time.monotonic() + 2.0
-        while time.monotonic() < end:  # until the pipe is full
+
+        def is_moving():
+            send(type='alive')
+            return moves(listener)
+
+        assert poll(is_moving, 15.0, 0.1)
+        for _ in range(20):  # until the pipe is full
             send(type='alive')
             time.sleep(0.1)
-        assert moves(listener)
         asked = time.time()
         send(type='speed', id=3, factor=0.5)
         send(type='pause', id=4)
