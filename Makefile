@@ -36,7 +36,7 @@ console: setup  ## set up, then serve the console of a simulated robot, for a br
 	$(VENV)/bin/kachaka_console --sim
 
 # Pure tests first, on all cores; then those in real time, by more workers: they mostly wait.
-test: setup  ## set up, then run the tests; 5 to 6 minutes
+test: setup  ## set up, then run the tests; 7 to 8 minutes
 	PYTEST='$(VENV)/bin/python -m pytest' WORKERS=$(WORKERS) tools/test.sh $(if $(MARKED),'$(MARKED)')
 
 test-all: export HYPOTHESIS_PROFILE = thorough

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Run the pure tests on all cores, then those in real time by more workers: they mostly wait.
+# Run the pure tests on all cores, then those in real time by more workers: they mostly wait; then
+# those of the console in a browser.
 #
 # usage: PYTEST='python -m pytest' WORKERS=7 tools/test.sh [MARKED]
 #
@@ -10,6 +11,7 @@ no_test=5  # pytest's exit code; one of the parts may have none
 code=$no_test
 # Each worker imports all test files that it gets: the workers in real time get only their own.
 mapfile -t real_time < <(grep -rlE 'mark\.(ros|real_time)' test --include='test_*.py' | sort)
+mapfile -t browser < <(grep -rlE 'mark\.browser' test --include='test_*.py' | sort)
 run() {
     $PYTEST -m "$1 and not document$marked" "${@:2}"
     local ended=$?
@@ -34,5 +36,7 @@ marked=${1:+ and ($1)}
 run '(not ros and not real_time)' -n "$([ "$WORKERS" = 0 ] && echo 0 || nproc)" test
 workers=$(workers_beside_others)
 [ "$workers" = "$WORKERS" ] || echo "other programs use the cores: $workers workers, not $WORKERS"
-run '(ros or real_time)' -n "$workers" --dist worksteal "${real_time[@]}"
+run '(ros or real_time) and not browser' -n "$workers" --dist worksteal "${real_time[@]}"
+# A browser takes a whole core for a moment, and the tests beside it would be late.
+run browser -n "$([ "$WORKERS" = 0 ] && echo 0 || nproc)" "${browser[@]}"
 exit $code

@@ -25,6 +25,8 @@ import chromium
 from page_browser import Console, NOTHING, Page
 import pytest
 
+pytestmark = [pytest.mark.real_time, pytest.mark.browser]
+
 W, ESCAPE, SPACE = 'w', '\ue00c', ' '
 #: After the end of a hold, so long nothing more may be sent [s].
 QUIET = 0.5

@@ -22,6 +22,8 @@ import chromium
 from page_browser import Console, Page
 import pytest
 
+pytestmark = [pytest.mark.real_time, pytest.mark.browser]
+
 ESCAPE = '\ue00c'
 
 

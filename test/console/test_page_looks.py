@@ -23,6 +23,8 @@ from kachaka_simple_control import __file__ as package_file
 from page_browser import Console, Page
 import pytest
 
+pytestmark = [pytest.mark.real_time, pytest.mark.browser]
+
 STATIC = Path(package_file).parent / 'console' / 'static'
 IMAGES = Path(__file__).resolve().parents[2] / 'docs' / 'images'
 SCREENSHOTS = os.environ.get('KACHAKA_SCREENSHOTS') == '1'

@@ -340,8 +340,9 @@ def test_a_reader_that_sleeps_or_computes_delays_neither_a_velocity_nor_a_stop()
         late = [at - t0 - 0.1 * tick for tick, (at, _) in enumerate(fleet.sent[0][:-1])]
         stopping.join()
         assert fleet.sent[0][-1][1] == ZERO
-        # Beside busy processes some of eight are late; a reader in the way delays them all.
-        assert statistics.median(late) < 0.01
+        # Beside busy processes some of eight are late; a reader in the way delays them all by a
+        # second.  One that computes has the interpreter for 5 ms at a time.
+        assert statistics.median(late) < 0.03
         assert sorted(late)[-2] < 0.05
         assert fleet.sent[0][-1][0] - t0 - 0.75 < 0.05
         bus.close()
