@@ -30,9 +30,15 @@ from waiting import poll
 
 SEQUENCE = re.compile(r'\x1b(?:\[([?0-9;]*)([A-Za-z])|([78]))')
 
+NEVER_WAITS = os.open(os.devnull, os.O_RDONLY)
+
 
 class Typed(io.StringIO):
     """Standard input at a terminal where something was typed."""
+
+    def fileno(self) -> int:
+        """Return a file that `select` calls readable."""
+        return NEVER_WAITS
 
     def isatty(self) -> bool:
         """Return that it is one."""

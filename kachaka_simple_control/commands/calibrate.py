@@ -41,7 +41,7 @@ from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.commands import calibrate_options
 from kachaka_simple_control.commands.calibrate_options import CalibrateOptions
-from kachaka_simple_control.commands.drive_or_preview import confirm, drive
+from kachaka_simple_control.commands.drive_or_preview import confirm, drive, read_answer
 from kachaka_simple_control.commands.preview import plan_view
 from kachaka_simple_control.commands.settings import choose_settings, Settings
 from kachaka_simple_control.control.signals import signal_dispatcher
@@ -388,7 +388,7 @@ class _Answers:
             return self._given.pop(0)
         while True:
             print(f'\n{question}: ', end='', flush=True)
-            answer = sys.stdin.readline().strip()
+            answer = read_answer().strip()
             if not answer:
                 raise UsageError('nothing was measured: no file was written')
             try:

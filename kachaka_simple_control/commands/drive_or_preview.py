@@ -19,6 +19,7 @@ from collections.abc import Sequence
 import contextlib
 import dataclasses
 from pathlib import Path
+import select
 import shlex
 import sys
 import termios
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 #: The answers that allow a drive.  The answer is empty if the user only presses Enter.
 CONSENT = ('', 'y', 'yes')
+#: How often the wait for an answer looks for Ctrl+C [s].
+ANSWER_INTERVAL = 0.2
 
 
 def confirm(floor_size: str, before: str = '') -> None:
@@ -54,9 +57,23 @@ def confirm(floor_size: str, before: str = '') -> None:
           'ends.', flush=True)
     with contextlib.suppress(OSError, termios.error):
         termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
-    answer = sys.stdin.readline()
+    answer = read_answer()
     if not answer or answer.strip().lower() not in CONSENT:
         raise UsageError('not confirmed: nothing was driven')
+
+
+def read_answer() -> str:
+    """
+    Read a line that the user types at the terminal.
+
+    Ctrl+C always ends the wait, at most ANSWER_INTERVAL late.
+
+    :returns: the line with its end; empty at the end of the input
+    """
+    # A signal interrupts no read that begins just after it, or that another thread handles.
+    while not select.select([sys.stdin], [], [], ANSWER_INTERVAL)[0]:
+        pass
+    return sys.stdin.readline()
 
 
 def drive(options: Options) -> DriveLog:

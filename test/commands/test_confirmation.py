@@ -29,6 +29,15 @@ time.sleep(float(sys.argv[1]))
 sys.exit(run_command(lambda: confirm('1.00 m x 2.00 m', 'Mark it.  ') or print('drives')))
 """
 
+ASK_BESIDE_A_THREAD = """
+import signal, sys, threading, time
+from kachaka_simple_control.commands.drive_or_preview import confirm
+from kachaka_simple_control.run_command import run_command
+threading.Thread(target=time.sleep, args=(60.0,), daemon=True).start()
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+sys.exit(run_command(lambda: confirm('1.00 m x 2.00 m')))
+"""
+
 
 def asked(pause=0.0):
     """Return a terminal at which somebody is asked after a pause [s]."""
@@ -63,3 +72,11 @@ def test_what_was_typed_before_the_question_is_no_answer():
         assert shown.process.poll() is None
         shown.press(b'n\r')
         assert shown.end() == 2
+
+
+def test_ctrl_c_ends_it_if_the_signal_interrupts_no_read():
+    # Another thread takes the signal here; a signal just before the read has the same effect.
+    with at_terminal([sys.executable, '-c', ASK_BESIDE_A_THREAD], 100, 20) as shown:
+        shown.wait_for_text('of free floor')
+        shown.press(b'\x03')
+        assert shown.end() == 130
