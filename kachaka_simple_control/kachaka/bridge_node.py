@@ -35,7 +35,7 @@ from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.executors import ExecutorLoop, NodeExecutor
-from kachaka_simple_control.ros.names import DIAGNOSTICS, RobotNames
+from kachaka_simple_control.ros.names import BATTERY, DIAGNOSTICS, RobotNames
 from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from nav_msgs.msg import Odometry
@@ -44,6 +44,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
 NODE = 'kachaka_bridge'
@@ -52,6 +53,10 @@ NODE = 'kachaka_bridge'
 ODOMETRY_TOPICS = ('odometry/odometry', 'wheel_odometry/wheel_odometry')
 #: The shortest time between two warnings about velocities above the limits [s].
 LIMIT_WARN_PERIOD = 5.0
+#: The period at which the charge of the battery is published [s].
+BATTERY_PERIOD = 1.0
+#: The charge of the simulated robot's battery, which is always full.
+SIMULATED_CHARGE = 1.0
 
 
 class BridgeNode(Node):
@@ -79,7 +84,7 @@ class BridgeNode(Node):
         check_node_names(
             self, RobotNames(
                 KACHAKA.velocity_topic, KACHAKA.odometry_topic, KACHAKA.manual_control_service),
-            (*ODOMETRY_TOPICS[1:], DIAGNOSTICS), ())
+            (*ODOMETRY_TOPICS[1:], DIAGNOSTICS, BATTERY), ())
         self._claim = RobotClaim(
             self, self.resolve_topic_name(KACHAKA.velocity_topic), 'bridge', on_conflict)
         self._take_claim()
@@ -92,6 +97,7 @@ class BridgeNode(Node):
         self._odometry = [
             self.create_publisher(Odometry, topic, qos_profile_sensor_data)
             for topic in ODOMETRY_TOPICS]
+        self._battery = self.create_publisher(Float64, BATTERY, qos_profile_sensor_data)
 
     @property
     def summary(self) -> str:
@@ -152,6 +158,14 @@ class BridgeNode(Node):
         """
         raise NotImplementedError
 
+    def publish_battery(self, charge: float) -> None:
+        """
+        Publish the charge of the battery.
+
+        :param charge: the charge, from 0 to 1
+        """
+        self._battery.publish(Float64(data=100.0 * charge))
+
     def _take_claim(self) -> None:
         # No other executor runs the node yet, so the claims of other bridges are received here.
         executor = SingleThreadedExecutor(context=self.context)
@@ -199,6 +213,8 @@ class SimulatedBridge(BridgeNode):
         self._is_place_logged = True
         self._frame_id = frame_prefix + ODOMETRY_FRAME
         self._child_frame_id = frame_prefix + ROBOT_FRAME
+        #: when the charge of the battery was last published [s, steady clock]
+        self._battery_time = -math.inf
         # Use a steady clock, because /clock may stop while the robot drives.
         self._timer = self.create_timer(
             ODOMETRY_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -267,6 +283,9 @@ class SimulatedBridge(BridgeNode):
         # small steps.  After minutes without an update, the next velocity would have to wait for
         # all these steps.
         now, stamp = time.monotonic(), self.get_clock().now().to_msg()
+        if now - self._battery_time >= BATTERY_PERIOD:
+            self._battery_time = now
+            self.publish_battery(SIMULATED_CHARGE)
         pose, velocity = self._robot.odometry(now)
         publishers = [
             publisher for publisher in self._odometry if publisher.get_subscription_count() > 0]

@@ -31,6 +31,9 @@ MAX_NAMESPACE_LENGTH = 245
 COMMANDED_VELOCITY, SPEED_FACTOR = '~/commanded_velocity', '~/speed_factor'
 PLANNED_PATH, DRIVEN_PATH = '~/planned_path', '~/driven_path'
 DIAGNOSTICS = '/diagnostics'
+#: The topics of a Kachaka's bridge with the charge of its battery and with its errors, relative to
+#: the namespace of the robot.  Source: the bridge of pf-robotics/kachaka-api.
+BATTERY, ERRORS = 'robot_info/battery_percentage', 'diagnostics/error_status'
 INTROSPECTION_TOPICS = (
     COMMANDED_VELOCITY, SPEED_FACTOR, PLANNED_PATH, DRIVEN_PATH, DIAGNOSTICS)
 _NAMESPACE = re.compile('(/+[A-Za-z_][A-Za-z0-9_]*)*/*')

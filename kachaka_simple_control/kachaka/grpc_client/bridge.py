@@ -206,6 +206,8 @@ class GrpcBridge(BridgeNode):
              f'{robot}: robot': robot_status(
                  driver.connection, self._health.codes, driver.texts)},
             self.get_clock().now().to_msg(), self._robot.identity))
+        if self._health.battery is not None:
+            self.publish_battery(self._health.battery)
 
     def _log(self, level: Level, text: str) -> None:
         # One call for each level, because rclpy refuses different levels from one line of code.

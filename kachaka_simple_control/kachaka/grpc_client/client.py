@@ -115,6 +115,16 @@ class RobotClient:
         result, response = _call(self._stub.GetError, pb2.GetRequest(), deadline)
         return result, [] if response is None else list(response.error_codes)
 
+    def battery(self, deadline: float) -> tuple[RpcResult, float | None]:
+        """
+        Ask the robot for the charge of its battery.
+
+        :param deadline: the longest time to wait for the robot's response [s]
+        :returns: the result of the gRPC call, and the charge, from 0 to 1; None if the call failed
+        """
+        result, response = _call(self._stub.GetBatteryInfo, pb2.GetRequest(), deadline)
+        return result, None if response is None else response.remaining_percentage / 100.0
+
     def error_texts(self, deadline: float) -> tuple[RpcResult, str]:
         """
         Ask the robot for the names and explanations of all its error codes.

@@ -443,11 +443,13 @@ HEALTH_PERIOD_WHEN_LOST = 0.3
 #: The longest time for the robot to respond, and for the thread to end [s].
 HEALTH_DEADLINE = 1.0
 HEALTH_EXIT_TIMEOUT = 0.5
+#: The period at which the robot is asked for the charge of its battery [s].
+BATTERY_PERIOD = 10.0
 
 
 class HealthPoller(Poller):
     """
-    A thread that asks the robot for its current errors, about once per second.
+    A thread that asks the robot for its errors, about once per second, and for its battery.
 
     From the results of these gRPC calls, the driver also detects when the connection is lost, and
     when it is back.
@@ -468,6 +470,9 @@ class HealthPoller(Poller):
         self._on_poll = on_poll
         #: the codes of the errors that the robot reports
         self.codes: list[int] = []
+        #: the charge of the robot's battery, from 0 to 1; None before the robot has told it
+        self.battery: float | None = None
+        self._battery_time = -math.inf
 
     def poll(self) -> float:
         """
@@ -483,6 +488,9 @@ class HealthPoller(Poller):
         if result.is_success:
             self._fetch_texts(codes)
             self._report(codes)
+            if begun - self._battery_time >= BATTERY_PERIOD:
+                self._battery_time = begun
+                _, self.battery = self._client.battery(HEALTH_DEADLINE)
         self._on_poll()
         return HEALTH_PERIOD if self._robot.connection.is_up else HEALTH_PERIOD_WHEN_LOST
 

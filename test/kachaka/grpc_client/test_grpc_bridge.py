@@ -156,6 +156,19 @@ def test_diagnostics_report_connection_and_errors(probe, namespace, robot):
         assert wait_until(lambda: received[link].level == b'\2')
 
 
+def test_a_simulated_robot_and_its_bridge_tell_charge_and_errors(probe, namespace, robot):
+    """As the console shows it."""
+    from kachaka_simple_control.ros.robot_info import RobotInfo
+    info = RobotInfo(probe.node, namespace)
+    with SimulatedRobot() as simulated, real_bridge(
+            simulated.address, '--namespace', namespace):
+        assert wait_until(lambda: info.battery == 1.0)
+        assert wait_until(lambda: info.errors == '')
+    with real_bridge(robot.address, '--namespace', namespace):
+        robot.ask('errors 7 8')
+        assert wait_until(lambda: info.errors == 'error 7; error 8')
+
+
 def test_odometry_is_fetched_only_for_subscribers(probe, namespace):
     """From the simulated robot, with its frames, stamps and cursors."""
     with SimulatedRobot() as robot:
