@@ -50,6 +50,7 @@ class RawClient:
     :raises RefusedError: if the server refuses the connection
     :ivar state: the state that the differences add up to
     :ivar stamp: the newest stamp
+    :ivar messages: the newest message of each other type
     """
 
     def __init__(
@@ -58,6 +59,7 @@ class RawClient:
         self.state: Values = {}
         self.stamp: float | None = None
         self.is_closed = False
+        self.messages: dict[str, Values] = {}
         self._answers: dict[int, Values] = {}
         self._request = self._sequence = 0
         self._writing = threading.Lock()
@@ -193,3 +195,5 @@ class RawClient:
                 self.stamp = message['stamp']
             elif message['type'] == 'answer':
                 self._answers[message['id']] = message
+            else:
+                self.messages[message['type']] = message

@@ -86,6 +86,7 @@ class Options:
     :param yes: whether to drive a real robot without asking the user
     :param pipe: whether to take commands from standard input, and to write reports to standard
         output
+    :param console: whether to serve a page for a browser that shows the drive and can stop it
     :param calibrates: whether the drive is for a calibration; such a drive is recorded, and prints
         no table of results
     :param command: the whole command line, which is shown in reports
@@ -110,6 +111,7 @@ class Options:
     simulation: tuple[str, ...] = ()
     yes: bool = False
     pipe: bool = False
+    console: bool = False
     calibrates: bool = False
     command: str = field(default=NAME, compare=False)
 
@@ -157,6 +159,12 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         print(f'{NAME} {installed_version()}')
         raise SystemExit(DONE)
     options = Options(motions=tuple(values.pop('motions')), **values)
+    _check_combination(parser, options)
+    return options
+
+
+def _check_combination(parser: OneLineParser, options: Options) -> None:
+    """End the program with a message if two options contradict each other."""
     if options.wait and any(map(TIME.fullmatch, options.motions)):
         parser.error('--wait takes no time; -p robot_timeout:=30, after --ros-args, sets how '
                      'long to wait for a robot')
@@ -165,14 +173,16 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     if options.pipe and (options.motions or options.wait or options.repeat > 1):
         parser.error('--pipe takes its motions from standard input: leave out MOTION, --wait and '
                      '--repeat')
+    if options.pipe and options.console:
+        parser.error('--pipe is for another program; leave out --console, or use kachaka_console')
     if len(options.motions) > 1 and not options.is_preview:
         parser.error('one motion can be driven at a time; --plan and --plot take several')
     if options.is_preview:
         for name in (
-                'report', 'repeat', 'sim', 'address', 'wait', 'quiet', 'speed', 'yes', 'pipe'):
+                'report', 'repeat', 'sim', 'address', 'wait', 'quiet', 'speed', 'yes', 'pipe',
+                'console'):
             if getattr(options, name) != getattr(Options, name):
                 parser.error(f'--{name} is about a drive; --list, --plan and --plot drive nothing')
-    return options
 
 
 def parse_values(parser: OneLineParser, arguments: Sequence[str]) -> dict[str, Any]:
@@ -241,6 +251,9 @@ def _parser() -> OneLineParser:
     add('--pipe', action='store_true',
         help='for programs: take commands from standard input, and write reports to standard '
              'output, one JSON object a line')
+    add('--console', action='store_true',
+        help='serve a page for a browser of this machine, which shows the drive and can stop, '
+             'pause, resume and slow it down')
     add('--version', action='store_true', help='print the version')
     return parser
 

@@ -25,8 +25,6 @@ import time
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.commands.cli import Options
-from kachaka_simple_control.commands.remote_control import RemoteControl
-from kachaka_simple_control.commands.remote_reports import ReportWriter
 from kachaka_simple_control.commands.settings import (
     choose_settings,
     chosen_speed,
@@ -52,6 +50,8 @@ from rclpy.parameter import Parameter
 
 if TYPE_CHECKING:
     from kachaka_simple_control.analysis.drive_log import DriveLog
+    from kachaka_simple_control.commands.remote_control import RemoteControl
+    from kachaka_simple_control.commands.remote_reports import ReportWriter
     from kachaka_simple_control.files.motion_file import MotionFile
     from kachaka_simple_control.motion.limits import Limits
     from kachaka_simple_control.motion.steps import Motion
@@ -98,6 +98,7 @@ def drive(options: Options) -> DriveLog:
             keys = _keys(robot_control) if is_shown else {}
             for line in describe_overrides(options, motion_file, robot_control.node_parameters):
                 robot_control.get_logger().info(line)
+            stack.enter_context(_console(robot_control, options))
             if motion_file is not None:
                 motion_file = with_corners(
                     options, motion_file, robot_control.node_parameters.corners)
@@ -139,6 +140,8 @@ def _reports() -> ReportWriter:
     From now on, everything else that this process writes to standard output goes to standard
     error, so that only reports reach the reader.
     """
+    # Imported here, because a drive without the console needs nothing of it.
+    from kachaka_simple_control.commands.remote_reports import ReportWriter
     file = os.dup(STDOUT)
     os.dup2(STDERR, STDOUT)
     return ReportWriter(file)
@@ -156,9 +159,20 @@ def _remote_control(
     """
     if reports is None:
         return None
+    from kachaka_simple_control.commands.remote_control import RemoteControl
     remote = RemoteControl(robot_control, STDIN, reports)
     stack.callback(remote.finish)
     return remote
+
+
+def _console(
+        robot_control: KachakaSimpleControl,
+        options: Options) -> contextlib.AbstractContextManager[object]:
+    """Return a context manager for the page beside the drive, if the options request one."""
+    if not options.console:
+        return contextlib.nullcontext()
+    from kachaka_simple_control.commands.console_beside import ConsoleBeside
+    return ConsoleBeside(robot_control, options.robot)
 
 
 def _start_subscribers(

@@ -21,25 +21,19 @@ browser uses this, and so may any other program.
 from __future__ import annotations
 
 from collections.abc import Callable
-import math
-import os
 from queue import SimpleQueue
-import signal
 import threading
-import time
 
+from kachaka_simple_control.commands.remote_commands import RemoteCommands
 from kachaka_simple_control.commands.remote_reports import ReportWriter, state_of
 from kachaka_simple_control.console import protocol
 from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.hand_source import HandSource
-from kachaka_simple_control.control.robot_drive import RunState
-from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.control.robot_drive import RunProgress, RunState
 from kachaka_simple_control.control.timing import (
     HAND_PERIOD,
-    REMOTE_REPORT_PERIOD,
     REMOTE_REST_TIMEOUT,
     REMOTE_SILENCE_TIMEOUT,
-    REMOTE_STATE_PERIOD,
 )
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import (
@@ -47,7 +41,6 @@ from kachaka_simple_control.errors import (
     InvalidMotionError,
     MotionRefusedError,
     MotionRunningError,
-    UsageError,
 )
 from kachaka_simple_control.files.motion_file import loads, MotionFile
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
@@ -55,12 +48,11 @@ from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.text import quoted
 
-READ_SIZE = 65536
 #: The name of the speed factor that the commands keep valid while a motion runs.
 REMOTE = 'remote control'
 
 
-class RemoteControl:
+class RemoteControl(RemoteCommands):
     """
     Drives a robot as lines on standard input command.
 
@@ -81,13 +73,11 @@ class RemoteControl:
     :param writer: the object that writes the reports
     """
 
+    IS_DRIVER = True
+
     def __init__(
             self, robot_control: KachakaSimpleControl, source: int, writer: ReportWriter) -> None:
-        self._robot_control = robot_control
-        self._session = robot_control.session
-        self._commander = robot_control.commander
-        self._source = source
-        self._writer = writer
+        super().__init__(robot_control, source, writer)
         #: what the main thread does next; None ends it
         self._jobs: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         #: protects what follows: a stop cancels all that was commanded before it
@@ -99,11 +89,7 @@ class RemoteControl:
         #: the commands that are not answered yet: the robot is being taken, or released
         self._take: int | None = None
         self._release: int | None = None
-        self._reason: str | None = None
         self._refusal = ''
-        #: ensures that the state ``ended`` is the last one that is written
-        self._state_lock = threading.Lock()
-        self._is_over = False
 
     def serve(self) -> None:
         """
@@ -111,10 +97,7 @@ class RemoteControl:
 
         :raises ControlError: if a signal or the guardian has stopped the robot permanently
         """
-        self._robot_control.event_bus.subscribe(self._writer.on_event)
-        self._writer.write(protocol.Robot(**self._writer.describe(self._robot_control)))
-        for target in (self._read_commands, self._write_reports):
-            self._start_thread(target)
+        self.start()
         try:
             while (job := self._jobs.get()) is not None:
                 job()
@@ -128,25 +111,9 @@ class RemoteControl:
 
         Call this after the robot was released.
         """
-        signum = signal_dispatcher.signum
-        reason = self._reason if signum is None else f'stopped by {signal.Signals(signum).name}'
-        with self._state_lock:
-            self._is_over = True
-            self._writer.write(protocol.State('ended', reason=reason))
+        super().finish()
         if self._release is not None:
             self._writer.write(protocol.Answer(self._release, True, 'released'))
-
-    def _read_commands(self) -> None:
-        rest = b''
-        try:
-            while (data := os.read(self._source, READ_SIZE)) and len(rest) <= protocol.MAX_SIZE:
-                self._on_sign_of_life()
-                *lines, rest = (rest + data).split(b'\n')
-                for line in lines:
-                    self._execute_line(line)
-        finally:
-            # Also after an error: nobody else would hear a stop.
-            self._on_closed()
 
     def _on_sign_of_life(self) -> None:
         """Keep the speed factor of a motion valid; pause a motion whose factor has expired."""
@@ -158,12 +125,6 @@ class RemoteControl:
                 self._commander.pause()
             self._session.speed_factor.set(REMOTE, 1.0, REMOTE_SILENCE_TIMEOUT)
 
-    def _execute_line(self, line: bytes) -> None:
-        try:
-            self._execute(protocol.read_command(line))
-        except protocol.MessageError as error:
-            self._writer.log('error', f'a command was not executed: {error}')
-
     def _execute(self, command: protocol.Command) -> None:
         """Execute a command; all that may take time is done in another thread."""
         match command:
@@ -171,25 +132,19 @@ class RemoteControl:
                 self._command_hand(command)
             case protocol.Stop():
                 self._cancel()
-                self._start_thread(lambda: self._stop(command.id))
+                super()._execute(command)
             case protocol.Take():
                 self._answer_failure(command.id, lambda: self._begin_to_take(command.id))
             case protocol.Run():
                 stop_count = self._stop_count
                 self._start_thread(lambda: self._answer(
                     command.id, lambda: self._accept_motion(command, stop_count)))
-            case protocol.Pause():
-                self._answer(command.id, self._commander.pause)
-            case protocol.Resume():
-                self._start_thread(lambda: self._answer(
-                    command.id, self._commander.resume_when_confirmed))
-            case protocol.Speed():
-                self._start_thread(lambda: self._answer(
-                    command.id, lambda: self._set_speed(command.factor)))
             case protocol.Release():
                 self._release = command.id
                 self._cancel()
                 self._start_thread(self._end)
+            case _:
+                super()._execute(command)
 
     def _command_hand(self, command: protocol.Hand) -> None:
         hand = self._hand
@@ -311,21 +266,6 @@ class RemoteControl:
             self._stop_count += 1
             self._is_taken = False
 
-    def _stop(self, number: int) -> None:
-        is_done, odometry = True, self._session.odometry
-        try:
-            text = self._session.stop('a remote stop')
-        except ControlError as error:
-            is_done, text = False, str(error)
-        now = time.monotonic()
-        is_confirmed = None if odometry.age(now) is None else (
-            odometry.still_since(now) is not None)
-        self._writer.write(protocol.Answer(number, is_done, text, is_confirmed))
-
-    def _set_speed(self, factor: float) -> str:
-        self._commander.set_speed(factor)
-        return f'{factor:.0%}'
-
     def _end(self) -> None:
         """Stop the robot if it is taken, and end the main thread."""
         try:
@@ -344,40 +284,18 @@ class RemoteControl:
         self._cancel()
         self._end()
 
-    def _write_reports(self) -> None:
-        """Write a stamp for the hand, and the state, again and again."""
-        newest, written = None, -math.inf
-        while not self._is_over:
-            time.sleep(REMOTE_REPORT_PERIOD)
-            progress, hand = self._session.robot_drive.progress, self._hand
-            if hand is not None:
-                self._writer.write(protocol.Stamp(hand.stamp()))
-            if self._take is not None and progress.state in (RunState.DRIVING, RunState.HELD):
-                number, self._take = self._take, None
-                self._writer.write(protocol.Answer(number, True, 'ready'))
-            state = state_of(
-                self._session, progress, self._writer.velocity, self._is_taken, hand is not None,
-                self._reason)
-            now = time.monotonic()
-            if state != newest or now - written >= REMOTE_STATE_PERIOD:
-                newest, written = state, now
-                with self._state_lock:
-                    if not self._is_over:
-                        self._writer.write(state)
+    def _write_more(self, progress: RunProgress) -> None:
+        """Write a stamp for the hand, and the answer to ``take`` when the robot is ready."""
+        if (hand := self._hand) is not None:
+            self._writer.write(protocol.Stamp(hand.stamp()))
+        if self._take is not None and progress.state in (RunState.DRIVING, RunState.HELD):
+            number, self._take = self._take, None
+            self._writer.write(protocol.Answer(number, True, 'ready'))
 
-    def _answer(self, number: int, execute: Callable[[], str]) -> None:
-        """
-        Execute a command, and answer it.
-
-        :param number: the number of the command
-        :param execute: a function that executes the command and returns a text for the user, or
-            raises an error that says why the command was refused
-        """
-        try:
-            answer = protocol.Answer(number, True, execute())
-        except (ControlError, InvalidMotionError, UsageError) as error:
-            answer = protocol.Answer(number, False, str(error))
-        self._writer.write(answer)
+    def _state(self, progress: RunProgress) -> protocol.State:
+        return state_of(
+            self._session, progress, self._writer.velocity, self._is_taken,
+            is_by_hand=self._hand is not None, reason=self._reason)
 
     def _answer_failure(self, number: int, execute: Callable[[], None]) -> None:
         """Execute a command that is answered later; answer now only if it is refused."""
@@ -385,10 +303,3 @@ class RemoteControl:
             execute()
         except ControlError as error:
             self._writer.write(protocol.Answer(number, False, str(error)))
-
-    @staticmethod
-    def _start_thread(function: Callable[[], None]) -> None:
-        try:
-            threading.Thread(target=function, name='remote', daemon=True).start()
-        except RuntimeError:  # the system has no thread left, and a stop must be sent all the same
-            function()

@@ -83,6 +83,12 @@ class ReportWriter:
             self._is_broken = True
             return 0
 
+    def close(self) -> None:
+        """Close the pipe; reports that are written later are dropped."""
+        with self._lock:
+            self._is_broken = True
+            os.close(self._file)
+
     def log(self, level: Literal['debug', 'info', 'warning', 'error'], text: str) -> None:
         """Write a message for the log of the reader."""
         self.write(protocol.Log(level, text))
@@ -140,7 +146,9 @@ def state_of(
         state=_state_name(progress, velocity, is_taken, is_by_hand, reason),
         motion=progress.title if plan is not None else None,
         step=number or None, steps=count or None, progress=_rounded(done, 3),
-        remaining=_rounded(remaining, 1), factors=factors, planned=_pose(progress.planned_pose),
+        remaining=_rounded(remaining, 1), factors=factors,
+        start=None if plan is None else _pose(progress.start),
+        planned=_pose(progress.planned_pose),
         driven=_pose(session.pose), velocity=(velocity.linear_x, velocity.angular_z),
         odometry_age=_rounded(age, 1), reason=reason)
 

@@ -18,15 +18,20 @@ from __future__ import annotations
 import argparse
 import asyncio
 from collections.abc import Sequence
+import contextlib
+from functools import partial
 import os
 import signal
 import sys
 import threading
+from typing import TYPE_CHECKING
 import webbrowser
 
-from kachaka_simple_control.console.drive_process import drive_command
+from kachaka_simple_control.console.drive_process import drive_command, DriveProcess
 from kachaka_simple_control.console.folder import Folder, FolderError
+from kachaka_simple_control.console.hub import DriveFactory, Hub
 from kachaka_simple_control.console.preview import PreviewWorker
+from kachaka_simple_control.console.running_drive import RunningDrive
 from kachaka_simple_control.console.security import bracketed, is_loopback, Tokens
 from kachaka_simple_control.exit_codes import BAD_USAGE, DONE, FAULTED, OneLineParser, SIGNALLED
 from kachaka_simple_control.kachaka.program import (
@@ -38,12 +43,17 @@ from kachaka_simple_control.kachaka.program import (
 )
 from kachaka_simple_control.text import escaped, quoted
 
+if TYPE_CHECKING:
+    from kachaka_simple_control.console.server import ConsoleServer
+
 PROGRAM = 'kachaka_console'
 PORT = 8400
 TORNADO_MISSING = (
     'the page needs tornado, which is missing here; install it with: pip install '
     "'kachaka_simple_control[console]', or sudo apt install python3-tornado")
 ROS_ARGUMENTS = '--ros-args'
+#: How long the server goes on after a drive beside it has ended, to send the end to all pages [s].
+LAST_MESSAGES = 0.3
 EPILOG = """
 exit codes: 0 done; 1 faulted; 2 bad usage; 128 + N ended by signal N
 """
@@ -58,7 +68,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     options = parse(sys.argv[1:] if args is None else args)
     try:
-        return run(options, drive_command(drive_options(options)))
+        return run(options, drive_factory(options))
     except ExitError as error:
         print(f'{PROGRAM}: {escaped(error, 400)}', file=sys.stderr)
         return error.code
@@ -110,12 +120,23 @@ def needs_token(options: argparse.Namespace) -> bool:
     return options.token or not is_loopback(options.host)
 
 
-def run(options: argparse.Namespace, command: list[str]) -> int:
+def drive_factory(options: argparse.Namespace) -> DriveFactory:
     """
-    Run the console until a signal ends it.
+    Return a function that makes the drive process of a hub.
 
     :param options: the options
-    :param command: the command line of the drive process
+    """
+    if options.beside is not None:
+        return partial(RunningDrive, *options.beside)
+    return partial(DriveProcess, drive_command(drive_options(options)))
+
+
+def run(options: argparse.Namespace, make_drive: DriveFactory) -> int:
+    """
+    Run the console until a signal ends it, or until the drive beside which it runs has ended.
+
+    :param options: the options
+    :param make_drive: makes the drive process of the hub
     :returns: the exit code
     :raises ExitError: if tornado is missing, or the console cannot listen or open its folder
     """
@@ -123,7 +144,7 @@ def run(options: argparse.Namespace, command: list[str]) -> int:
         import tornado  # noqa: F401
     except ImportError:
         raise ExitError(FAULTED, TORNADO_MISSING) from None
-    return asyncio.run(_run(options, command))
+    return asyncio.run(_run(options, make_drive))
 
 
 def _parser() -> OneLineParser:
@@ -151,9 +172,16 @@ def _parser() -> OneLineParser:
         help='kachaka, turtlebot3, generic, or the path of a profile (default: kachaka)')
     group = parser.add_argument_group('errors of the simulated robot, with --sim')
     add_simulation_options(group, 'the simulated robot')
+    # For a drive with --console, which starts this program.
+    add('--beside', type=_beside, help=argparse.SUPPRESS)
     add(ROS_ARGUMENTS, action='store_true', default=argparse.SUPPRESS,
         help='everything after it is for ROS: remaps, parameters (-p robot_timeout:=30), ...')
     return parser
+
+
+def _beside(text: str) -> tuple[int, int, int]:
+    reports, commands, pid = map(int, text.split(','))
+    return reports, commands, pid
 
 
 def _port(text: str) -> int:
@@ -163,9 +191,7 @@ def _port(text: str) -> int:
     return int(text)
 
 
-async def _run(options: argparse.Namespace, command: list[str]) -> int:
-    from kachaka_simple_control.console.hub import Hub
-    from kachaka_simple_control.console.server import ConsoleServer
+async def _run(options: argparse.Namespace, make_drive: DriveFactory) -> int:
     loop, ended = asyncio.get_running_loop(), asyncio.Event()
     signals: list[int] = []
 
@@ -180,9 +206,9 @@ async def _run(options: argparse.Namespace, command: list[str]) -> int:
     except FolderError as error:
         raise ExitError(BAD_USAGE, error) from None
     tokens = Tokens() if needs_token(options) else None
-    hub = Hub(command, folder, PreviewWorker(options.robot))
+    hub = Hub(make_drive, folder, PreviewWorker(options.robot))
     try:
-        server = ConsoleServer(hub, options.host, options.port, tokens, tuple(options.allow_host))
+        server = _server(hub, options, tokens)
     except (OSError, UnicodeError) as error:
         reason = getattr(error, 'strerror', None) or error
         where = f'{escaped(options.host, 60)}:{options.port}'
@@ -193,12 +219,36 @@ async def _run(options: argparse.Namespace, command: list[str]) -> int:
         if not options.no_browser and _has_screen():
             # Some browsers return only when they are closed.
             threading.Thread(target=webbrowser.open, args=(link,), daemon=True).start()
-        await ended.wait()
+        if isinstance(hub.drive, RunningDrive):
+            await _until_over(hub.drive, ended)
+        else:
+            await ended.wait()
     finally:
         # The drive process first: without its console it must not go on.
         await hub.close()
         await server.close()
     return SIGNALLED + signals[0] if signals else DONE
+
+
+def _server(hub: Hub, options: argparse.Namespace, tokens: Tokens | None) -> ConsoleServer:
+    # It imports tornado, which may be missing.
+    from kachaka_simple_control.console.server import ConsoleServer
+    names = tuple(options.allow_host)
+    with contextlib.ExitStack() as stack:
+        if options.beside is not None:
+            # Another drive may have its page there.
+            stack.enter_context(contextlib.suppress(OSError))
+        return ConsoleServer(hub, options.host, options.port, tokens, names)
+    return ConsoleServer(hub, options.host, 0, tokens, names)
+
+
+async def _until_over(drive: RunningDrive, ended: asyncio.Event) -> None:
+    """Wait until a drive or the console has ended, and its end was shown."""
+    waits = [asyncio.ensure_future(event.wait()) for event in (drive.has_ended, ended)]
+    await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+    for wait in waits:
+        wait.cancel()
+    await asyncio.sleep(LAST_MESSAGES)
 
 
 def _print_links(options: argparse.Namespace, port: int, tokens: Tokens | None) -> str:

@@ -61,6 +61,8 @@ MODULE = 'kachaka_simple_control.__main__'
 CAPACITY = 262_144
 #: No velocity of the hand is written while so much is unread [bytes]: about four lines.
 MAX_UNREAD = 512
+#: The largest line that is read [bytes]; a longer one is dropped.
+STREAM_LIMIT = 2 * MAX_SIZE
 #: A process that has not answered a stop for this long is stopped by a signal [s].
 STOP_PATIENCE = 5.0
 #: How long the process has to end by itself after its pipe was closed [s], and then after SIGINT.
@@ -114,14 +116,18 @@ class DriveProcess:
         if self.state != 'ended' or self._is_closing:
             return
         # The pipe comes first: a stop while the process starts waits for it there.
-        reading, self._pipe = os.pipe2(os.O_CLOEXEC)
-        os.set_blocking(self._pipe, False)
-        with contextlib.suppress(OSError):
-            fcntl.fcntl(self._pipe, getattr(fcntl, 'F_SETPIPE_SZ', 1031), CAPACITY)
+        reading, writing = os.pipe2(os.O_CLOEXEC)
+        self._use_pipe(writing)
         self._is_released, self._stated_reason, self._rest = False, None, b''
         self._errors.clear()
         self._change('starting')
         self._spawn(self._run(reading))
+
+    def _use_pipe(self, pipe: int) -> None:
+        self._pipe = pipe
+        os.set_blocking(pipe, False)
+        with contextlib.suppress(OSError):
+            fcntl.fcntl(pipe, getattr(fcntl, 'F_SETPIPE_SZ', 1031), CAPACITY)
 
     def request(self, command: Request) -> asyncio.Future[Answer]:
         """
@@ -203,7 +209,7 @@ class DriveProcess:
         try:
             self._process = process = await asyncio.create_subprocess_exec(
                 *self._command, stdin=reading, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                limit=2 * MAX_SIZE, env=child_environment())
+                limit=STREAM_LIMIT, env=child_environment())
         except OSError as error:
             self._close_pipe()
             self._end(f'the drive process cannot be started: {error.strerror}')

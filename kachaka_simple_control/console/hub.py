@@ -36,6 +36,7 @@ from kachaka_simple_control.console.lease import HandLease, IDLE_TIME
 from kachaka_simple_control.console.messages import Message, MessageError
 from kachaka_simple_control.console.page_protocol import (
     AskPreview,
+    Driven,
     Hello,
     Lease,
     ListMotions,
@@ -56,6 +57,7 @@ from kachaka_simple_control.console.protocol import (
     Answer,
     Hand,
     Log,
+    MotionText,
     Pause,
     Release,
     Report,
@@ -90,8 +92,11 @@ HELD_STATES = ('ready', 'driving by hand')
 #: In these states the lease does not end by itself.
 BUSY_STATES = ('taking', 'driving', 'paused', 'stopping')
 NO_LEASE = 'this page does not drive: ask for the lease first'
+BESIDE = (
+    'the drive was begun in a terminal; here it can be stopped, paused, resumed and slowed down')
 ONLY_LOOK = 'this link is for viewers: it can stop and pause, but not drive'
 Outcome = tuple[bool, str]
+DriveFactory = Callable[[Callable[[Report], None], Callable[[], None]], DriveProcess]
 
 
 @dataclass
@@ -115,22 +120,25 @@ class Hub:
     """
     The console without its network: pages on the one side, the drive process on the other.
 
-    :param command: the command line of the drive process
+    :param make_drive: makes the drive process from two functions: one that is called with each
+        report, and one that is called when the state of the process has changed
     :param folder: the folder of motion files
     :param previews: the worker of the previews
     :param clock: returns the time [s]
     """
 
     def __init__(
-            self, command: list[str], folder: Folder, previews: PreviewWorker,
+            self, make_drive: DriveFactory, folder: Folder, previews: PreviewWorker,
             clock: Callable[[], float] = time.monotonic) -> None:
-        self.drive = DriveProcess(command, self._take_report, self._process_changed)
+        self.drive = make_drive(self._take_report, self._process_changed)
         self.lease: HandLease[Page] = HandLease()
         self._clock = clock
         self._pages: dict[Page, _Entry] = {}
         self._work = PageWork(folder, previews, lambda: tuple(self._pages))
         self._robot: Robot | None = None
         self._state = State('standing by')
+        #: the motion that was started last
+        self._driven: Driven | None = None
         self._recording: Recording | None = None
         self._logs: deque[Log] = deque(maxlen=LOG_LENGTH)
         self._sequence = 0
@@ -274,6 +282,8 @@ class Hub:
         for_all = isinstance(message, (Pause, AskPreview, OpenFile, ListMotions))
         if not for_all and not page.may_drive:
             return ONLY_LOOK
+        if self._robot is not None and not self._robot.is_driven_here:
+            return BESIDE if isinstance(message, (Lease, Record, RunMotion)) else ''
         needs_lease = isinstance(message, (
             Take, Release, RunMotion, Resume, Speed, Record))
         return NO_LEASE if needs_lease and self.lease.holder is not page else ''
@@ -285,20 +295,25 @@ class Hub:
                               self._robot, motions))
             for line in self._logs:
                 page.send(line)
+            if self._driven is not None:
+                page.send(self._driven)
             entry.shown = {}
             self._show()
         self._work.spawn(welcome())
 
-    def _relay(self, page: Page, message: Request, command: Request) -> None:
+    def _relay(self, page: Page, message: Request, command: Request) -> asyncio.Future[Answer]:
         """
         Send a command to the drive process; its answer goes to the page.
 
         :param page: the page
         :param message: the request of the page
         :param command: the command, which gets a number of its own
+        :returns: the future of the answer
         """
         self._stop = None  # what is sent now comes after that stop
-        self._answer_later(page, message, self.drive.request(command))
+        answer = self.drive.request(command)
+        self._answer_later(page, message, answer)
+        return answer
 
     def _answer_later(
             self, page: Page, message: Request, future: asyncio.Future[Answer]) -> None:
@@ -379,10 +394,18 @@ class Hub:
                 self._answer(page, message, (False, str(error)))
                 return
         # The page may have lost the lease while its file was read.
-        if self.lease.holder is page:
-            self._relay(page, message, Run(0, text, name))
-        else:
+        if self.lease.holder is not page:
             self._answer(page, message, (False, NO_LEASE))
+            return
+        answer = self._relay(page, message, Run(0, text, name))
+        if (await answer).is_done:
+            await self._show_plan(text)
+
+    async def _show_plan(self, text: str) -> None:
+        """Send each page the plan of the motion that has begun."""
+        if (plan := await self._work.plan(text)) is not None:
+            self._driven = Driven(plan)
+            self._send_all(self._driven)
 
     # From the drive process
 
@@ -398,11 +421,11 @@ class Hub:
                 self._log(report.level, report.text)
             case Sent():
                 self._take_segments(report)
+            case MotionText():
+                self._work.spawn(self._show_plan(report.text))
             case Robot():
                 self._robot = report
-                for page, entry in self._pages.items():
-                    if entry.shown is not None:
-                        page.send(report)
+                self._send_all(report)
 
     def _take_segments(self, report: Sent) -> None:
         if self._recording is None:
@@ -429,9 +452,13 @@ class Hub:
     def _log(self, level: Literal['debug', 'info', 'warning', 'error'], text: str) -> None:
         line = Log(level, text)
         self._logs.append(line)
+        self._send_all(line)
+
+    def _send_all(self, message: Message) -> None:
+        """Send a message to each page that has said hello."""
         for page, entry in tuple(self._pages.items()):
             if entry.shown is not None:
-                page.send(line)
+                page.send(message)
 
     # The state of the pages
 

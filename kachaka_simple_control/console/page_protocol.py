@@ -312,6 +312,18 @@ class Motions(Message):
 
 
 @dataclass(frozen=True)
+class Driven(Message):
+    """
+    The motion that is driven, or was driven last; sent when it begins, and after ``welcome``.
+
+    :param plan: its plan, with which each page shows the drive, whatever motion its user edits
+    """
+
+    TYPE: ClassVar[str] = 'driven'
+    plan: Plan
+
+
+@dataclass(frozen=True)
 class Recorded(Message):
     """
     The recording, after ``record`` was turned off or the hand has lost the lease.
@@ -329,7 +341,8 @@ PAGE_MESSAGES: dict[str, type[Message]] = by_type((
     SaveFile, OpenFile, ListMotions, Record))
 #: The classes of messages to the page, by type.
 CONSOLE_MESSAGES: dict[str, type[Message]] = by_type((
-    Welcome, Robot, StateChanges, Stamp, PageAnswer, Preview, FileText, Motions, Log, Recorded))
+    Welcome, Robot, StateChanges, Stamp, PageAnswer, Preview, FileText, Motions, Log, Driven,
+    Recorded))
 
 
 def read_page_message(text: str | bytes) -> Message:

@@ -30,6 +30,7 @@ from kachaka_simple_control.console.page_protocol import (
     Motions,
     OpenFile,
     PageAnswer,
+    Plan,
     SaveFile,
 )
 from kachaka_simple_control.console.preview import PreviewWorker
@@ -117,6 +118,14 @@ class PageWork:
         :raises FolderError: if there is no such motion, or it cannot be read
         """
         return await in_thread(partial(self._folder.read, name))
+
+    async def plan(self, text: str) -> Plan | None:
+        """
+        Return the plan of a motion; None if it has none, or there is no time for it.
+
+        :param text: the text of its file
+        """
+        return (await self._previews.preview(AskPreview(0, text))).plan
 
     def _ask_preview(self, page: Page, ask: AskPreview) -> None:
         old = self._asked.get(page)

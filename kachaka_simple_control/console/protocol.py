@@ -50,6 +50,7 @@ __all__ = [
     'Hand',
     'Log',
     'MessageError',
+    'MotionText',
     'Pause',
     'Release',
     'Report',
@@ -201,6 +202,8 @@ class Robot(Report):
     :param max_backward_velocity: the largest backward velocity, as a positive number [m/s]
     :param max_angular_velocity: the largest angular velocity [rad/s]
     :param footprint: the corners of the robot's outline as x and y [m]; None if unknown
+    :param is_driven_here: whether the commands drive the robot; false beside a drive that began in
+        a terminal, where only ``stop``, ``pause``, ``resume`` and ``speed`` are executed
     """
 
     TYPE: ClassVar[str] = 'robot'
@@ -211,6 +214,19 @@ class Robot(Report):
     max_backward_velocity: float
     max_angular_velocity: float
     footprint: tuple[tuple[float, float], ...] | None = None
+    is_driven_here: bool = True
+
+
+@dataclass(frozen=True)
+class MotionText(Report):
+    """
+    The motion that is driven; written only beside a drive that began in a terminal.
+
+    :param text: the text of the motion file
+    """
+
+    TYPE: ClassVar[str] = 'motion'
+    text: str
 
 
 @dataclass(frozen=True)
@@ -256,10 +272,14 @@ class State(Report):
     :param progress: the share of the motion's duration that is over, from 0 to 1
     :param remaining: the time left at the current speed factors [s]
     :param factors: the speed factors, by the name of who has set them
+    :param start: the pose at the start of the motion; None outside a motion, or without odometry
     :param planned: the pose where the robot should be
     :param driven: the pose where odometry says that the robot is
     :param velocity: the velocity that was sent last [m/s] and [rad/s]
     :param odometry_age: the age of the newest odometry [s]
+    :param battery: the charge of the robot's battery, from 0 to 1; None if the robot does not tell
+    :param robot_errors: the errors that the robot reports; None if there are none, or the robot
+        does not tell
     :param reason: why the last motion ended, or why the process stops
     """
 
@@ -271,10 +291,13 @@ class State(Report):
     progress: Annotated[float, Range(0.0, 1.0)] | None = None
     remaining: float | None = None
     factors: Mapping[str, float] = field(default_factory=dict)
+    start: Pose | None = None
     planned: Pose | None = None
     driven: Pose | None = None
     velocity: tuple[float, float] = (0.0, 0.0)
     odometry_age: float | None = None
+    battery: Annotated[float, Range(0.0, 1.0)] | None = None
+    robot_errors: str | None = None
     reason: str | None = None
 
 
@@ -307,7 +330,7 @@ class Log(Report):
 
 _COMMANDS: tuple[type[Command], ...] = (
     Take, Release, Hand, Run, Stop, Pause, Resume, Speed, Alive)
-_REPORTS: tuple[type[Report], ...] = (Robot, Stamp, Answer, State, Sent, Log)
+_REPORTS: tuple[type[Report], ...] = (Robot, MotionText, Stamp, Answer, State, Sent, Log)
 #: The classes of commands, by type.
 COMMANDS = by_type(_COMMANDS)
 #: The classes of reports, by type.

@@ -15,10 +15,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 import sys
 
 from kachaka_simple_control.console.console_command import parse, PROGRAM, run
+from kachaka_simple_control.console.drive_process import DriveProcess
 from kachaka_simple_control.kachaka.program import ExitError
 
 SCRIPT = Path(__file__).with_name('scripted_drive.py')
@@ -36,7 +38,7 @@ def main(arguments: list[str]) -> int:
              if word.startswith(DRIVE_OPTION)]
     own = [word for word in arguments if not word.startswith(DRIVE_OPTION)]
     try:
-        return run(parse([*own, '--no-browser']), drive_command(*words))
+        return run(parse([*own, '--no-browser']), partial(DriveProcess, drive_command(*words)))
     except ExitError as error:
         print(f'{PROGRAM}: {error}', file=sys.stderr)
         return error.code

@@ -128,7 +128,8 @@ class ScriptedDrive:
             self.end_code = 0
         elif isinstance(command, Run):
             self.elapsed = 0.0
-            self._set(state='driving', motion=command.name, step=1, steps=4, reason=None)
+            self._set(state='driving', motion=command.name, step=1, steps=4, reason=None,
+                      start=self.state.driven)
         elif isinstance(command, Pause):
             self._hold(0.0, 0.0)
             self._set(state='paused')
@@ -181,6 +182,7 @@ class ScriptedDrive:
         self.pose = (x + linear_x * math.cos(theta) * PERIOD,
                      y + linear_x * math.sin(theta) * PERIOD, theta + angular_z * PERIOD)
         self._set(
+            battery=0.15, robot_errors=self.options.errors or None,
             velocity=self.velocity, odometry_age=None if self.options.no_odometry else 0.02,
             driven=None if self.options.no_odometry else self.pose)
         if self.state != self.last_state:
@@ -191,11 +193,13 @@ class ScriptedDrive:
         duration: float = self.options.duration
         self.elapsed += PERIOD * self.factor
         progress = min(1.0, self.elapsed / duration)
+        x, y, theta = self.state.start or (0.0, 0.0, 0.0)
         self._hold(SPEED * self.factor, 0.0)
         self._set(
             progress=progress, step=min(4, 1 + int(4 * progress)),
             remaining=max(0.0, duration - self.elapsed) / self.factor,
-            planned=(SPEED * self.elapsed, 0.0, 0.0))
+            planned=(x + SPEED * self.elapsed * math.cos(theta),
+                     y + SPEED * self.elapsed * math.sin(theta), theta))
         if progress >= 1.0:
             self._hold(0.0, 0.0)
             self._set(state='ready', progress=1.0, remaining=0.0, reason='done')
@@ -246,6 +250,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--record', help='append each line that comes in to this file')
     parser.add_argument('--duration', type=float, default=4.0, help='of a motion [s]')
     parser.add_argument('--no-odometry', action='store_true')
+    parser.add_argument('--errors', default='', help='the errors that the robot reports')
     parser.add_argument('--refuse', action='store_true', help='refuse to take the robot')
     parser.add_argument('--deaf', action='store_true', help='never read a line')
     parser.add_argument('--start-delay', type=float, default=0.0, help='before the first line [s]')

@@ -17,9 +17,11 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from functools import partial
 import time
 from typing import Any
 
+from kachaka_simple_control.console.drive_process import DriveProcess
 from kachaka_simple_control.console.folder import Folder
 from kachaka_simple_control.console.hub import Hub
 from kachaka_simple_control.console.lease import IDLE_TIME
@@ -86,7 +88,9 @@ def run(scenario: Callable[[Hub, list[float]], Any], *words: str) -> None:
     """Run a scenario with a hub and the time on its clock, which the scenario may change."""
     async def body() -> None:
         now = [1000.0]
-        hub = Hub(scripted(*words), Folder(None), PreviewWorker(), lambda: now[0])
+        hub = Hub(
+            partial(DriveProcess, scripted(*words)), Folder(None), PreviewWorker(),
+            lambda: now[0])
         hub.start()
         try:
             await scenario(hub, now)

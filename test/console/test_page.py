@@ -83,11 +83,15 @@ def agree(page):
 
 
 def test_the_page_asks_no_other_host_and_breaks_no_rule(page, console):
+    from selenium.common.exceptions import WebDriverException
     own = urlsplit(console.address).netloc
     assert {urlsplit(url).netloc for url in page.requests()} == {own}
     assert len(page.requests()) > 15
     assert page.complaints() == []
     assert page.text('#state') in {'standing by', 'ready'}
+    # The browser of these tests reaches no other host, so nothing of the page needs one.
+    with pytest.raises(WebDriverException, match='ERR_NAME_NOT_RESOLVED'):
+        page.driver.get('http://192.0.2.1/')
 
 
 def test_a_held_key_sends_20_times_a_second(page):
@@ -395,6 +399,7 @@ def test_a_motion_runs_after_the_question_about_the_floor(page):
     agree(page)
     page.wait(lambda: page.text('#state') == 'driving', 'that the robot is driven')
     assert page.sent('run')[0]['text'] == page.run('return document.querySelector("#text").value')
+    assert page.sent('run')[0]['name'] == page.run('return document.querySelector("#file").value')
     page.click('#pause')
     page.wait(lambda: page.text('#pause') == 'Resume', 'the pause')
     page.click('#pause')
@@ -408,6 +413,22 @@ def test_a_motion_runs_after_the_question_about_the_floor(page):
     assert page.run('return document.querySelector(".driven-line").getAttribute("points").length')
     page.press(ESCAPE)
     page.wait(lambda: page.text('#stop-result') == 'stopped (odometry confirms)', 'the outcome')
+
+
+def test_a_page_that_is_opened_in_mid_drive_shows_the_plan_that_is_driven(page):
+    page.take()
+    type_text(page, 'name: mine\nsteps:\n  - forward: 1 m\n')
+    page.wait(lambda: page.text('#plan-steps') == '1' and page.find('#run').is_enabled(), 'it')
+    page.click('#run')
+    agree(page)
+    page.wait(lambda: page.text('#state') == 'driving', 'that the robot is driven')
+    page.open()
+    page.wait(lambda: page.text('#state') == 'driving', 'that the robot is driven')
+    # Its own motion is the square, with eight steps.
+    page.wait(lambda: page.text('#plan-steps') == '1', 'the plan of the drive')
+    assert page.received('state')[0]['changes']['start'] is not None
+    page.press(ESCAPE)
+    page.wait(lambda: page.text('#state') != 'driving', 'the stop')
 
 
 def test_the_question_has_a_stop_of_its_own(page):

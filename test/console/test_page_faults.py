@@ -73,6 +73,18 @@ def test_without_odometry_a_stop_is_shown_as_unconfirmed(browser, tmp_path):
         console.close()
 
 
+def test_battery_and_errors_of_the_robot_are_shown(browser, tmp_path):
+    console = Console(tmp_path, '--errors=error 21051 (paused)')
+    try:
+        page = Page(browser, console.address).open()
+        page.wait(lambda: page.text('#battery') == '15 %', 'the charge')
+        assert page.find('#battery-chip').get_attribute('data-tone') == 'warn'
+        assert page.text('#robot-errors') == 'The robot reports: error 21051 (paused)'
+        assert page.find('#robot-errors').is_displayed()
+    finally:
+        console.close()
+
+
 def test_why_the_robot_is_not_taken_is_a_fault(browser, tmp_path):
     console = Console(tmp_path, '--refuse')
     try:

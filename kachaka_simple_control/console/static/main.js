@@ -7,6 +7,7 @@ import {Connection} from './connection.js';
 import {byId, setStatus, setText} from './dom.js';
 import {Editor} from './editor.js';
 import {Gamepads} from './gamepad.js';
+import {sizeText} from './geometry.js';
 import {Hand} from './hand.js';
 import {DriveKeys, watchStopKeys} from './keys.js';
 import {LeaseButton} from './lease.js';
@@ -23,8 +24,12 @@ import {Stop} from './stop.js';
 const DRAW_PERIOD = 100;
 /** The states in which the hand may drive. */
 const HAND_STATES = ['ready', 'driving by hand'];
+/** The states in which a motion is under way. */
+const MOVING_STATES = ['driving', 'paused'];
 
-const page = {isOpen: false, wasOpen: false, mayDrive: false, robot: null, state: {}};
+const page = {
+  isOpen: false, wasOpen: false, mayDrive: false, isDrivenHere: true, robot: null,
+  drivenPlan: null, state: {}};
 const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
 const connection = new Connection(`${scheme}://${location.host}/ws`);
 const log = new Log(byId('log-lines'), byId('clear-log'));
@@ -43,9 +48,12 @@ const editor = new Editor(connection, byId('text'), byId('lines'), byId('problem
 const library = new Library(connection, editor, showFault);
 const lease = new LeaseButton(connection, question, byId('lease'), byId('lease-note'), showFault);
 const recorder = new Recorder(connection, library, showFault);
-const run = new RunControls(connection, question, editor, planView, {
+const run = new RunControls(connection, question, editor, {
   run: byId('run'), pause: byId('pause'), note: byId('run-note'), speed: byId('speed'),
   speedText: byId('speed-text')}, showFault);
+run.onRun = plan => {
+  page.drivenPlan = plan;
+};
 new DriveKeys(hand, document.querySelectorAll('.keys kbd'));
 new Gamepads(hand, () => stop.press(), byId('hand-source'));
 watchStopKeys(() => stop.press(), byId('stop'));
@@ -77,6 +85,8 @@ function handText(mayHold, isMine) {
 function useRobot(robot) {
   if (robot === null) return;
   page.robot = robot;
+  page.isDrivenHere = robot.is_driven_here;
+  document.body.classList.toggle('beside', !page.isDrivenHere);
   hand.limits = robot;
   setText(byId('robot-name'), robot.robot);
   setText(byId('robot-topic'), robot.topic);
@@ -89,12 +99,25 @@ function useRobot(robot) {
 
 /** Return whether a motion is under way. */
 function isMoving() {
-  return ['driving', 'paused'].includes(page.state.state);
+  return MOVING_STATES.includes(page.state.state);
 }
 
-/** Return the pose at which a motion has just begun; unknown if the page was opened meanwhile. */
-function motionStart(before) {
-  return before === undefined ? [0, 0, 0] : page.state.planned ?? page.state.driven ?? null;
+
+/** Show the drive of a motion, from the pose where it began. */
+function beginMotion() {
+  planView.restart(page.state.start ?? page.state.driven ?? null);
+  showPlan();
+}
+
+/** Show the plan that is driven, or that of the editor. */
+function showPlan() {
+  const isShown = isMoving() || !page.isDrivenHere;
+  const plan = isShown ? page.drivenPlan : editor.plan;
+  planView.setPlan(plan);
+  setText(byId('plan-area'), plan === null ? '–' : sizeText(planView.area));
+  setText(byId('plan-duration'), plan === null ? '–' : `${plan.duration.toFixed(1)} s`);
+  setText(byId('plan-steps'), plan === null ? '–' : String(plan.steps));
+  showPoses();
 }
 
 /** Show where the robot is, and where it should be while it drives a motion. */
@@ -109,7 +132,7 @@ function changeState(changes) {
   const {state, reason, velocity} = page.state;
   const isNew = state !== before;
   if (isNew && state === 'taking') planView.restart(null);
-  if (isNew && state === 'driving' && before !== 'paused') planView.restart(motionStart(before));
+  if (isNew && isMoving() && !MOVING_STATES.includes(before)) beginMotion();
   if (isNew && ['taking', 'driving', 'driving by hand'].includes(state)) stop.forget();
   if (isNew && state === 'ready' && before === 'driving by hand') hand.noteRest();
   if (isNew || 'planned' in changes || 'driven' in changes) showPoses();
@@ -119,7 +142,8 @@ function changeState(changes) {
     charts[1].add(velocity[1] * 180 / Math.PI, now);
   }
   if ('reason' in changes && reason) log.add('info', reason);
-  if (('process' in changes || 'reason' in changes) && page.state.process === 'ended' && reason) {
+  const isEnd = page.state.process === 'ended' && page.isDrivenHere;
+  if (('process' in changes || 'reason' in changes) && isEnd && reason) {
     showFault(reason);
   }
   stateView.update(page.state);
@@ -131,8 +155,9 @@ function showLost() {
   const isLost = !page.isOpen && page.wasOpen;
   if (byId('lost').hidden !== isLost) return;
   byId('lost').hidden = !isLost;
-  setText(byId('lost-title'), isLost ? 'Connection lost' : '');
-  setText(byId('lost-text'), isLost ?
+  const isOver = !page.isDrivenHere && page.state.process === 'ended';
+  setText(byId('lost-title'), !isLost ? '' : isOver ? 'The drive has ended' : 'Connection lost');
+  setText(byId('lost-text'), isOver ? 'This page was there for it alone.' : isLost ?
     'This page cannot stop the robot now. Driving by hand has ended; a motion begun here pauses ' +
     'when the server is silent. The page connects again by itself.' : '');
 }
@@ -160,19 +185,18 @@ connection.addEventListener('robot', event => {
   useRobot(event.detail);
   if (editor.text !== '') editor.check();
 });
+connection.addEventListener('driven', event => {
+  page.drivenPlan = event.detail.plan;
+  if (isMoving() || !page.isDrivenHere) showPlan();
+});
 connection.addEventListener('state', event => changeState(event.detail.changes));
 connection.addEventListener('log', event => {
   if (event.detail.level !== 'debug') log.add(event.detail.level, event.detail.text);
 });
 editor.addEventListener('plan', event => {
-  const plan = event.detail;
   // A motion starts where the robot stands.
   if (!isMoving()) planView.restart(null);
-  planView.setPlan(plan);
-  showPoses();
-  setText(byId('plan-area'), plan === null ? '–' : run.areaText());
-  setText(byId('plan-duration'), plan === null ? '–' : `${plan.duration.toFixed(1)} s`);
-  setText(byId('plan-steps'), plan === null ? '–' : String(plan.steps));
+  showPlan();
 });
 editor.addEventListener('change', () => run.update(page));
 hand.addEventListener('change', refresh);

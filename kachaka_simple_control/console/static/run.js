@@ -1,7 +1,7 @@
 // Copyright 2026 kachaka_simple_control contributors, licensed under the Apache License 2.0.
 /** Running a motion: the question about the floor, pause and resume, and the speed. */
 
-import {setText} from './dom.js';
+import {byId, setText} from './dom.js';
 import {sizeText} from './geometry.js';
 
 /** The states in which the robot is not taken. */
@@ -15,13 +15,14 @@ export class RunControls {
    * @param {import('./connection.js').Connection} connection
    * @param {import('./ask.js').FloorQuestion} question
    * @param {import('./editor.js').Editor} editor
-   * @param {import('./plan_view.js').PlanView} planView
    * @param {Object<string, HTMLElement>} parts run, pause, note, speed, speedText
    * @param {function(string): void} showFault
    */
-  constructor(connection, question, editor, planView, parts, showFault) {
-    Object.assign(this, {connection, question, editor, planView, parts, showFault});
+  constructor(connection, question, editor, parts, showFault) {
+    Object.assign(this, {connection, question, editor, parts, showFault});
     this.state = {};
+    /** Is called with the plan before a motion is run. */
+    this.onRun = () => {};
     this.speedTimer = null;
     this.speedSentAt = 0;
     parts.run.addEventListener('click', () => this.run());
@@ -31,9 +32,9 @@ export class RunControls {
 
   /**
    * Enable what is possible now, and say why the rest is not.
-   * @param {{isOpen: boolean, mayDrive: boolean, state: Object}} page
+   * @param {{isOpen: boolean, mayDrive: boolean, isDrivenHere: boolean, state: Object}} page
    */
-  update({isOpen, state}) {
+  update({isOpen, mayDrive, isDrivenHere, state}) {
     this.state = state;
     const isMine = state.driver === 'you';
     const isDriving = state.state === 'driving' || state.state === 'paused';
@@ -41,8 +42,10 @@ export class RunControls {
     this.parts.run.disabled = reason !== '';
     setText(this.parts.note, isDriving ? '' : reason);
     setText(this.parts.pause, state.state === 'paused' ? 'Resume' : 'Pause');
-    this.parts.pause.disabled = !isOpen || !isDriving || (state.state === 'paused' && !isMine);
-    this.parts.speed.disabled = !isOpen || !isMine;
+    // A drive that began in a terminal has no lease.
+    const mayChange = isDrivenHere ? isMine : mayDrive;
+    this.parts.pause.disabled = !isOpen || !isDriving || (state.state === 'paused' && !mayChange);
+    this.parts.speed.disabled = !isOpen || !mayChange;
   }
 
   /** Return why no motion may begin; an empty text if one may. */
@@ -61,17 +64,14 @@ export class RunControls {
     const {text, plan} = this.editor;
     const name = this.motionName();
     const isFree = await this.question.ask({
-      subject: name, needs: 'needs an area of', area: this.areaText(),
+      subject: name, needs: 'needs an area of', area: sizeText(plan.box),
       more: `It takes ${plan.duration.toFixed(1)} s at full speed, from where the robot stands.`,
       confirm: 'The floor is free: run'});
     if (!isFree) return;
-    const answer = await this.connection.request('run', {text});
+    this.onRun(plan);
+    const file = byId('file').value.trim();
+    const answer = await this.connection.request('run', file === '' ? {text} : {text, name: file});
     if (!answer.is_done) this.showFault(answer.text);
-  }
-
-  /** Return the size of the floor area of the plan. */
-  areaText() {
-    return sizeText(this.planView.area);
   }
 
   /** Return the name that the text gives its motion. */

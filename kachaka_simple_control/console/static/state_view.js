@@ -10,6 +10,8 @@ const TONES = {
 /** From these ages on, a figure is shown as late, and as lost [s]. */
 const LATE = {link: [1.5, 2.5], odometry: [0.5, 1.5]};
 const NONE = '–';
+/** Below this charge, the battery is shown as low. */
+const LOW_BATTERY = 0.2;
 
 /** Writes the state into the page. */
 export class StateView {
@@ -34,6 +36,7 @@ export class StateView {
     const [linear, angular] = state.velocity ?? [0, 0];
     setText(byId('linear'), `${signed(linear.toFixed(2))} m/s`);
     setText(byId('angular'), `${signed((angular * 180 / Math.PI).toFixed(0))} °/s`);
+    showRobot(state.battery ?? null, state.robot_errors ?? null);
     // It is told whenever it changes, so it is right until the next message.
     this.odometryAge = state.odometry_age ?? null;
   }
@@ -74,6 +77,17 @@ function showAge(name, age) {
   const [late, lost] = LATE[name];
   setText(byId(`${name}-age`), age < 10 ? `${age.toFixed(1)} s ago` : `${Math.round(age)} s ago`);
   byId(`${name}-chip`).dataset.tone = age < late ? 'good' : age < lost ? 'warn' : 'bad';
+}
+
+/** Show what the robot tells about itself: charge of its battery, errors. */
+function showRobot(battery, errors) {
+  byId('battery-chip').hidden = battery === null;
+  if (battery !== null) {
+    setText(byId('battery'), `${Math.round(battery * 100)} %`);
+    byId('battery-chip').dataset.tone = battery < LOW_BATTERY ? 'warn' : 'good';
+  }
+  byId('robot-errors').hidden = errors === null;
+  setText(byId('robot-errors'), errors === null ? '' : `The robot reports: ${errors}`);
 }
 
 /** Return a duration as text. */

@@ -1,0 +1,210 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Let another program stop, pause, resume and slow down a drive, and report its state.
+
+Commands are read from one pipe, and reports are written to another.  Each line is a JSON object;
+``console/protocol.py`` describes the lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+import math
+import os
+import signal
+import threading
+import time
+
+from kachaka_simple_control.commands.remote_reports import ReportWriter, state_of
+from kachaka_simple_control.console import protocol
+from kachaka_simple_control.control.robot_drive import RunProgress, RunState
+from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.control.timing import REMOTE_REPORT_PERIOD, REMOTE_STATE_PERIOD
+from kachaka_simple_control.errors import (
+    ControlError,
+    InvalidMotionError,
+    MotionRefusedError,
+    UsageError,
+)
+from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
+from kachaka_simple_control.ros.robot_info import RobotInfo
+
+#: How many bytes of commands are read at once.
+READ_SIZE = 65536
+UNDER_WAY = (RunState.CONNECTING, RunState.DRIVING, RunState.HELD)
+
+
+class RemoteCommands:
+    """
+    Executes the commands of another program beside a drive, and writes reports for it.
+
+    Only the commands ``stop``, ``pause``, ``resume`` and ``speed`` are executed.  One thread
+    executes the commands, and never waits for another command, so that a stop is executed at once.
+    One thread writes reports.
+
+    :param robot_control: the node that drives the robot
+    :param source: the file descriptor from which commands are read
+    :param writer: the object that writes the reports
+    """
+
+    #: whether the robot is driven by these commands
+    IS_DRIVER = False
+
+    def __init__(
+            self, robot_control: KachakaSimpleControl, source: int, writer: ReportWriter) -> None:
+        self._robot_control = robot_control
+        self._session = robot_control.session
+        self._commander = robot_control.commander
+        # Only a Kachaka tells something about itself.
+        self._info = RobotInfo(
+            robot_control, robot_control.node_parameters.robot_namespace
+        ) if robot_control.profile.is_kachaka else None
+        self._source = source
+        self._writer = writer
+        #: why the last drive ended early
+        self._reason: str | None = None
+        #: ensures that the state ``ended`` is the last one that is written
+        self._state_lock = threading.Lock()
+        self._is_over = False
+
+    def start(self) -> None:
+        """Write the report ``robot``, and start the threads."""
+        self._robot_control.event_bus.subscribe(self._writer.on_event)
+        self._writer.write(protocol.Robot(
+            **self._writer.describe(self._robot_control), is_driven_here=self.IS_DRIVER))
+        for target in (self._read_commands, self._write_reports):
+            self._start_thread(target)
+
+    def finish(self) -> None:
+        """
+        Report that the program ends.
+
+        Call this after the robot was released.
+        """
+        signum = signal_dispatcher.signum
+        reason = self._reason if signum is None else f'stopped by {signal.Signals(signum).name}'
+        with self._state_lock:
+            self._is_over = True
+            self._writer.write(protocol.State('ended', reason=reason))
+
+    def _read_commands(self) -> None:
+        rest = b''
+        try:
+            while (data := os.read(self._source, READ_SIZE)) and len(rest) <= protocol.MAX_SIZE:
+                self._on_sign_of_life()
+                *lines, rest = (rest + data).split(b'\n')
+                for line in lines:
+                    self._execute_line(line)
+        finally:
+            # Also after an error: nobody else would hear a stop.
+            self._on_closed()
+
+    def _on_sign_of_life(self) -> None:
+        """React to any line of the other program."""
+
+    def _on_closed(self) -> None:
+        """React to the end of the commands.  A drive that began in a terminal goes on."""
+        if not self._is_over:
+            self._robot_control.get_logger().warning('The console has ended; the drive goes on')
+
+    def _execute_line(self, line: bytes) -> None:
+        try:
+            self._execute(protocol.read_command(line))
+        except protocol.MessageError as error:
+            self._writer.log('error', f'a command was not executed: {error}')
+
+    def _execute(self, command: protocol.Command) -> None:
+        """Execute a command; all that may take time is done in another thread."""
+        match command:
+            case protocol.Stop():
+                self._start_thread(lambda: self._stop(command.id))
+            case protocol.Pause():
+                self._answer(command.id, self._commander.pause)
+            case protocol.Resume():
+                self._start_thread(lambda: self._answer(
+                    command.id, self._commander.resume_when_confirmed))
+            case protocol.Speed():
+                self._start_thread(lambda: self._answer(
+                    command.id, lambda: self._set_speed(command.factor)))
+            case protocol.Request():
+                self._answer(command.id, self._refuse)
+
+    @staticmethod
+    def _refuse() -> str:
+        raise MotionRefusedError(
+            'another program drives the robot; from here it can be stopped, paused, resumed and '
+            'slowed down')
+
+    def _stop(self, number: int) -> None:
+        is_done, odometry = True, self._session.odometry
+        try:
+            text = self._session.stop('a remote stop')
+        except ControlError as error:
+            is_done, text = False, str(error)
+        now = time.monotonic()
+        is_confirmed = None if odometry.age(now) is None else (
+            odometry.still_since(now) is not None)
+        self._writer.write(protocol.Answer(number, is_done, text, is_confirmed))
+
+    def _set_speed(self, factor: float) -> str:
+        self._commander.set_speed(factor)
+        return f'{factor:.0%}'
+
+    def _write_reports(self) -> None:
+        """Write the state, again and again."""
+        newest, written = None, -math.inf
+        while not self._is_over:
+            time.sleep(REMOTE_REPORT_PERIOD)
+            progress = self._session.robot_drive.progress
+            self._write_more(progress)
+            state = self._state(progress)
+            if (info := self._info) is not None:
+                state = replace(state, battery=info.battery, robot_errors=info.errors or None)
+            now = time.monotonic()
+            if state != newest or now - written >= REMOTE_STATE_PERIOD:
+                newest, written = state, now
+                with self._state_lock:
+                    if not self._is_over:
+                        self._writer.write(state)
+
+    def _write_more(self, progress: RunProgress) -> None:
+        """Write what is due besides the state."""
+
+    def _state(self, progress: RunProgress) -> protocol.State:
+        return state_of(
+            self._session, progress, self._writer.velocity,
+            is_taken=progress.state in UNDER_WAY, is_by_hand=False, reason=progress.ended_by)
+
+    def _answer(self, number: int, execute: Callable[[], str]) -> None:
+        """
+        Execute a command, and answer it.
+
+        :param number: the number of the command
+        :param execute: a function that executes the command and returns a text for the user, or
+            raises an error that says why the command was refused
+        """
+        try:
+            answer = protocol.Answer(number, True, execute())
+        except (ControlError, InvalidMotionError, UsageError) as error:
+            answer = protocol.Answer(number, False, str(error))
+        self._writer.write(answer)
+
+    @staticmethod
+    def _start_thread(function: Callable[[], None]) -> None:
+        try:
+            threading.Thread(target=function, name='remote', daemon=True).start()
+        except RuntimeError:  # the system has no thread left, and a stop must be sent all the same
+            function()
