@@ -98,10 +98,11 @@ setup:  ## make the environment, if what it is made from has changed; 30 s
 	$(SET_UP) $(VENV)
 
 # Debian names it one way, Ubuntu the other.
-browser:  ## install Chromium (Debian and Ubuntu, as root), which some tests read reports with; 1 minute
+browser:  ## install Chromium for tests of pages, and what the console matrix uses (Debian and Ubuntu, as root); 1 minute
 	$(AS_ROOT) apt-get update
 	$(AS_ROOT) apt-get install --yes --no-install-recommends chromium chromium-driver || \
 	    $(AS_ROOT) apt-get install --yes chromium-browser chromium-chromedriver
+	$(AS_ROOT) apt-get install --yes --no-install-recommends xvfb openbox nftables
 
 lock:  ## write requirements/*.txt anew, with the newest releases; 1 minute
 	$(PYTHON) -m venv --clear .venv-lock

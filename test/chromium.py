@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+import os
 from pathlib import Path
 from typing import Any
 
@@ -28,23 +29,32 @@ DRIVER = Path('/usr/bin/chromedriver')
 IS_HERE = CHROMIUM is not None and DRIVER.exists()
 MISSING = 'needs chromium and chromedriver in /usr/bin: make browser'
 ARGUMENTS = (
-    '--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
+    '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
     '--disable-background-networking', '--disable-component-update', '--disable-sync',
     # All other hosts are unreachable: a page that needs one of them fails.
     '--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.*, EXCLUDE localhost')
 
 
-def start(profile: Path, **capabilities: object) -> Any:
-    """Start a browser with a profile, and return its selenium driver."""
+def start(profile: Path, display: str | None = None, **capabilities: object) -> Any:
+    """
+    Start a browser with a profile, and return its selenium driver.
+
+    :param profile: the folder of the profile
+    :param display: the X11 screen for its windows; None for a browser without windows
+    :param capabilities: the capabilities of Chromium, without their prefix
+    """
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
     options = webdriver.ChromeOptions()
     options.binary_location = str(CHROMIUM)
-    for argument in (*ARGUMENTS, f'--user-data-dir={profile}'):
+    arguments = ARGUMENTS if display is not None else (*ARGUMENTS, '--headless')
+    for argument in (*arguments, f'--user-data-dir={profile}'):
         options.add_argument(argument)
     for name, value in capabilities.items():
         options.set_capability(f'goog:{name}', value)
-    return webdriver.Chrome(options=options, service=Service(executable_path=str(DRIVER)))
+    variables = None if display is None else {**os.environ, 'DISPLAY': display}
+    return webdriver.Chrome(
+        options=options, service=Service(executable_path=str(DRIVER), env=variables))
 
 
 @contextmanager

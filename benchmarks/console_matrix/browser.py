@@ -49,11 +49,15 @@ KEY = {'key': 'w', 'code': 'KeyW', 'windowsVirtualKeyCode': 87}
 
 
 class Browser:
-    """A browser of its own: a new profile, and processes that a trial may freeze or kill."""
+    """
+    A browser of its own: a new profile, and processes that a trial may freeze or kill.
 
-    def __init__(self) -> None:
+    :param display: the X11 screen for its windows; None for a browser without windows
+    """
+
+    def __init__(self, display: str | None = None) -> None:
         self._profile = Path(tempfile.mkdtemp(prefix='console_matrix_'))
-        self.driver = chromium.start(self._profile)
+        self.driver = chromium.start(self._profile, display)
         self._pid = int(self.driver.capabilities['goog:processID'])
         #: an empty tab behind the page, without which the browser would end with the page's tab
         self._spare = self.driver.current_window_handle

@@ -22,7 +22,9 @@ import random
 import signal
 import time
 
+from benchmarks.console_matrix import firewall, screen
 from benchmarks.console_matrix.console_run import end_processes, time_until
+from benchmarks.console_matrix.proxy import Proxy
 from benchmarks.console_matrix.stage import Stage
 from benchmarks.console_matrix.trial import Expectation, hand_trial, SpoiltError, Trial
 from kachaka_simple_control.control.processes import is_running
@@ -66,15 +68,23 @@ Fault = Callable[[Stage], Injected]
 
 @dataclass(frozen=True)
 class HandRow:
-    """A row in which the page drives by a held key when a fault comes."""
+    """
+    A row in which the page drives by a held key when a fault comes.
+
+    :param expectation: the expected result, with the name of the row
+    :param inject: injects the fault
+    :param has_windows: whether the browser has windows
+    """
 
     expectation: Expectation
     inject: Fault
+    has_windows: bool = False
     full: int = 20
     quick: int = 1
 
     def run(self, stage: Stage) -> Trial:
         """Run one trial."""
+        stage.use_windows(self.has_windows)
         browser, recorder = stage.browser, stage.console.recorder
         browser.open(stage.console.address)
         browser.take(stage.console.address)
@@ -174,10 +184,12 @@ def minimize(stage: Stage) -> Injected:
 
 
 def unfocus(stage: Stage) -> Injected:
-    """Bring another window to the front."""
+    """Bring another window to the front, and the page back later."""
     fault = time.time()
     stage.browser.cover(new_window=True)
     time.sleep(SETTLING_TIME)
+    stage.browser.uncover()
+    stage.browser.repeat(SETTLING_TIME)
     return _with_events(stage, Injected(fault), 'blur')
 
 
@@ -187,8 +199,8 @@ def _with_events(stage: Stage, injected: Injected, wanted: str) -> Injected:
     injected.note = 'the page got ' + (', '.join(dict.fromkeys(seen)) or 'no event')
     if wanted not in seen:
         injected.not_tried = (
-            f'the headless browser told the page nothing of it (no real event {wanted!r}); it '
-            'needs Xvfb and a window manager')
+            f'the browser told the page nothing of it (no real event {wanted!r}); without windows '
+            f'it does not: it {screen.MISSING}')
     return injected
 
 
@@ -197,6 +209,16 @@ def cut_link(stage: Stage) -> Injected:
     fault = stage.console.proxy.hold()
     stage.browser.repeat(FREEZE)
     stage.console.proxy.release()
+    stage.browser.repeat(SETTLING_TIME)
+    return Injected(fault)
+
+
+def cut_link_by_firewall(stage: Stage) -> Injected:
+    """Drop all packets between browser and console, and let them pass again later."""
+    if reason := firewall.missing():
+        return Injected(time.time(), not_tried=reason)
+    with firewall.cut(Proxy.ADDRESS, stage.console.port) as fault:
+        stage.browser.repeat(FREEZE)
     stage.browser.repeat(SETTLING_TIME)
     return Injected(fault)
 

@@ -17,8 +17,10 @@ from __future__ import annotations
 
 import contextlib
 
+from benchmarks.console_matrix import screen
 from benchmarks.console_matrix.browser import Browser
 from benchmarks.console_matrix.console_run import ConsoleRun
+from benchmarks.console_matrix.screen import Screen
 
 
 class Stage:
@@ -29,6 +31,8 @@ class Stage:
         self._console: ConsoleRun | None = None
         self._dropped: list[ConsoleRun] = []
         self._with_token: ConsoleRun | None = None
+        self._screen: Screen | None = None
+        self._has_windows = False
 
     def __enter__(self) -> Stage:
         """Return it."""
@@ -41,13 +45,31 @@ class Stage:
         self._close_dropped()
         if self._with_token is not None:
             self._with_token.close()
+        if self._screen is not None:
+            self._screen.close()
 
     @property
     def browser(self) -> Browser:
         """Return the browser."""
         if self._browser is None:
-            self._browser = Browser()
+            self._browser = Browser(self._display())
         return self._browser
+
+    def use_windows(self, has_windows: bool) -> None:
+        """
+        Use a browser with windows on a virtual screen, or one without windows.
+
+        :param has_windows: whether it has windows; without a screen it has none all the same
+        """
+        if has_windows != self._has_windows:
+            self.drop_browser()
+        self._has_windows = has_windows
+
+    def _display(self) -> str | None:
+        if not self._has_windows or not screen.IS_HERE:
+            return None
+        self._screen = self._screen or Screen()
+        return self._screen.display
 
     @property
     def console(self) -> ConsoleRun:
