@@ -190,7 +190,7 @@ class KachakaSimpleControl(Node):
             f'Time={duration} seconds')
 
     def run(self, motion: Motion, limits: Limits | None = None,
-            request: DriveRequest | None = None) -> None:
+            request: DriveRequest | None = None, rate: float | None = None) -> None:
         """
         Drive a motion with exact timing, and return after the zero velocity at its end.
 
@@ -206,6 +206,7 @@ class KachakaSimpleControl(Node):
         :param limits: the limits for the plan; None for the robot's limits
         :param request: the accepted request for this drive, if another thread has already called
             ``session.request``; None to request the drive now
+        :param rate: how often a velocity is sent [Hz]; None for the parameter ``rate``
         :raises UsageError: if ``motion`` is not a ``Motion``; nothing has moved
         :raises InvalidMotionError: if the robot cannot drive the motion; nothing has moved
         :raises RobotNotFoundError: if no robot receives the velocities; nothing has moved
@@ -219,7 +220,7 @@ class KachakaSimpleControl(Node):
         if self.node_parameters.corners:
             motion = replace(motion, corners=self.node_parameters.corners)
         driven = self.session.drive(DriveOrder.of(
-            motion, self.profile.planning_limits, self.node_parameters.rate, limits,
+            motion, self.profile.planning_limits, rate or self.node_parameters.rate, limits,
             self.node_parameters.closed_loop), request)
         self.get_logger().info(
             f'Motion completed: {escaped(motion.name)}, {pluralize(len(driven.steps), "step")}, '

@@ -91,6 +91,11 @@ class Browser:
         self.driver.execute_script(WATCH)
         self._cover = None
 
+    def open_another(self, address: str) -> None:
+        """Load a page in another new tab."""
+        self.driver.switch_to.new_window('tab')
+        self.driver.get(address)
+
     def close_pages(self) -> None:
         """Close all tabs but an empty one."""
         for handle in self.driver.window_handles:

@@ -47,6 +47,7 @@ class RawClient:
     :param host: the header field Host; None for that of an honest page
     :param origin: the header field Origin; None for that of an honest page
     :param address: where to connect: to the console itself, or to the proxy
+    :param reads: whether it reads what the console sends
     :raises RefusedError: if the server refuses the connection
     :ivar state: the state that the differences add up to
     :ivar stamp: the newest stamp
@@ -55,7 +56,7 @@ class RawClient:
 
     def __init__(
             self, port: int, token: str = '', host: str | None = None,
-            origin: str | None = None, address: str = '127.0.0.1') -> None:
+            origin: str | None = None, address: str = '127.0.0.1', reads: bool = True) -> None:
         self.state: Values = {}
         self.stamp: float | None = None
         self.is_closed = False
@@ -78,7 +79,8 @@ class RawClient:
         except BaseException:
             self._socket.close()
             raise
-        threading.Thread(target=self._read, args=(first,), daemon=True).start()
+        if reads:
+            threading.Thread(target=self._read, args=(first,), daemon=True).start()
 
     def _shake_hands(self, fields: dict[str, str]) -> bytes:
         lines = ['GET /ws HTTP/1.1', *(f'{name}: {value}' for name, value in fields.items())]
@@ -133,11 +135,12 @@ class RawClient:
         """Return whether a request was answered."""
         return number in self._answers
 
-    def hand(self, linear_x: float, stamp: float | None = None) -> float:
+    def hand(
+            self, linear_x: float, stamp: float | None = None, angular_z: float = 0.0) -> float:
         """Send a velocity of the hand; return when [s, system clock]."""
         self._sequence += 1
         return self.send('hand', sequence=self._sequence, stamp=stamp or self.stamp or 0.0,
-                         linear_x=linear_x, angular_z=0.0)
+                         linear_x=linear_x, angular_z=angular_z)
 
     def until(self, condition: Callable[[], Any], timeout: float = PATIENCE) -> None:
         """

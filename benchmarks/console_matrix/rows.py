@@ -21,6 +21,7 @@ from benchmarks.console_matrix import faults, refusals
 from benchmarks.console_matrix.bursts import BurstRow
 from benchmarks.console_matrix.faults import HandRow
 from benchmarks.console_matrix.refusals import RefusalRow
+from benchmarks.console_matrix.replay import ReplayRow
 from benchmarks.console_matrix.stage import Stage
 from benchmarks.console_matrix.stops import EarlyStopRow, StopRow
 from benchmarks.console_matrix.trial import Expectation, STOP_LIMIT, Trial
@@ -79,6 +80,7 @@ ROWS: tuple[Row, ...] = (
     StopRow(_stop('STOP beside a flood and twelve busy processes'), busy_count=12, quick=0),
     EarlyStopRow(Expectation('STOP before t = 0', 'STOP', None, None)),
     HandRow(Expectation('console killed', 'the drive process'), faults.kill_console),
+    ReplayRow(Expectation('30 s by hand, recorded and replayed', 'the motion', None, None)),
     RefusalRow(_refused('foreign Origin'), refusals.foreign_origin),
     RefusalRow(_refused('Origin of another port'), refusals.other_port, quick=0),
     RefusalRow(_refused('wrong Host'), refusals.wrong_host),

@@ -90,7 +90,7 @@ def drive(options: Options) -> DriveLog:
             in_file(motion_file), parameter_overrides=_parameters(options))
         subscribers = stack.enter_context(
             subscriber_process.SubscriberProcesses(robot_control.event_bus))
-        remote = _remote_control(stack, robot_control, reports)
+        remote = _remote_control(stack, robot_control, reports, options)
         try:
             reporter = _start_subscribers(
                 subscribers, options, motion_file is None, robot_control.session.guardian_memory)
@@ -149,18 +149,19 @@ def _reports() -> ReportWriter:
 
 def _remote_control(
         stack: contextlib.ExitStack, robot_control: KachakaSimpleControl,
-        reports: ReportWriter | None) -> RemoteControl | None:
+        reports: ReportWriter | None, options: Options) -> RemoteControl | None:
     """
     Return an object that drives as lines on standard input command; None without reports.
 
     :param stack: the stack of context managers; the robot is released before it is closed
     :param robot_control: the node that drives the robot
     :param reports: the object that writes the reports; None if no lines are read
+    :param options: the options of the command, which win over the file of a motion
     """
     if reports is None:
         return None
     from kachaka_simple_control.commands.remote_control import RemoteControl
-    remote = RemoteControl(robot_control, STDIN, reports)
+    remote = RemoteControl(robot_control, STDIN, reports, partial(choose_settings, options))
     stack.callback(remote.finish)
     return remote
 

@@ -26,6 +26,7 @@ import threading
 
 from kachaka_simple_control.commands.remote_commands import RemoteCommands
 from kachaka_simple_control.commands.remote_reports import ReportWriter, state_of
+from kachaka_simple_control.commands.settings import Settings
 from kachaka_simple_control.console import protocol
 from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.hand_source import HandSource
@@ -71,13 +72,17 @@ class RemoteControl(RemoteCommands):
     :param robot_control: the node that drives the robot
     :param source: the file descriptor from which commands are read
     :param writer: the object that writes the reports
+    :param choose: a function that chooses the rate, the limits and the kind of control for a
+        motion file; it raises an error if the robot cannot drive the motion so
     """
 
     IS_DRIVER = True
 
     def __init__(
-            self, robot_control: KachakaSimpleControl, source: int, writer: ReportWriter) -> None:
+            self, robot_control: KachakaSimpleControl, source: int, writer: ReportWriter,
+            choose: Callable[[MotionFile], Settings]) -> None:
         super().__init__(robot_control, source, writer)
+        self._choose = choose
         #: what the main thread does next; None ends it
         self._jobs: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         #: protects what follows: a stop cancels all that was commanded before it
@@ -188,8 +193,12 @@ class RemoteControl(RemoteCommands):
             raise motion_file.error_at('robot', (
                 f'{quoted(motion_file.robot, 60)}, and this is {robot.profile.name}: leave it '
                 'out, or start with --robot'))
-        limits = motion_file.check(
-            robot.profile.planning_limits, robot.profile.name, robot.node_parameters.closed_loop)
+        settings = self._choose(motion_file)
+        if settings.closed_loop != robot.node_parameters.closed_loop:
+            raise motion_file.error_at('closed_loop', (
+                f'{str(settings.closed_loop).lower()}, and this drive was started otherwise: '
+                'leave it out, or start with -p closed_loop:=true after --ros-args'))
+        limits = settings.limits_of(motion_file)
         with self._lock:
             if self._stop_count != stop_count:
                 raise MotionRefusedError('a stop came after the command')
@@ -200,7 +209,7 @@ class RemoteControl(RemoteCommands):
                     'a motion is running already; wait for its end, or stop it')
             self._is_running_motion = True
             self._session.speed_factor.set(REMOTE, 1.0, REMOTE_SILENCE_TIMEOUT)
-            self._jobs.put(lambda: self._drive_motion(motion_file, limits))
+            self._jobs.put(lambda: self._drive_motion(motion_file, limits, settings.rate))
             self._jobs.put(lambda: self._drive_by_hand(None))
             if self._hand is not None:
                 self._hand.end()
@@ -231,14 +240,14 @@ class RemoteControl(RemoteCommands):
         finally:
             self._hand = None
 
-    def _drive_motion(self, motion_file: MotionFile, limits: Limits) -> None:
+    def _drive_motion(self, motion_file: MotionFile, limits: Limits, rate: float) -> None:
         """Drive a motion in the main thread, unless a stop has come since it was accepted."""
         try:
             with self._lock:
                 if not self._is_taken:
                     return
                 request = self._session.request()
-            self._robot_control.run(motion_file.motion, limits, request)
+            self._robot_control.run(motion_file.motion, limits, request, rate)
         except ControlError as error:
             self._on_failure(error)
         finally:

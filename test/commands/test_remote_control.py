@@ -33,7 +33,7 @@ PIPE = [*COMMAND, '--pipe', '--ros-args', '-p', 'guardian:=false', '-p', 'prime_
 F_SETPIPE_SZ = 1031
 FORWARD = {'linear_x': 0.2, 'angular_z': 0.0}
 REST = {'linear_x': 0.0, 'angular_z': 0.0}
-MOTION = 'name: ahead\nrate: 10 Hz\nsteps: [move: {linear_x: 0.1, angular_z: 0, duration: 2 s}]\n'
+MOTION = 'name: ahead\nrate: 20 Hz\nsteps: [move: {linear_x: 0.1, angular_z: 0, duration: 2 s}]\n'
 
 
 class Remote:
@@ -169,6 +169,8 @@ def test_a_motion_is_driven_exactly_and_then_the_hand_again(listener):
             time.sleep(0.2)
         held, = (one for one in listener.moves() if one.linear_x == 0.1)
         assert held.duration == pytest.approx(2.0, abs=0.05)
+        # At the rate of the file.
+        assert sum(one.linear_x == 0.1 for one in listener.received) == 40
         assert control.states[-1]['state'] == 'ready'
         assert {'driving', 'ready'} <= {state['state'] for state in control.states}
         control.hand(REST, 0.1)
@@ -222,6 +224,8 @@ def test_a_stop_cancels_a_robot_that_is_being_taken(listener):
 @pytest.mark.parametrize(('text', 'part'), [
     ('steps: [forwrd: 1 m]', 'bad.yaml:1: step 1: forwrd: there is no such step; did you mean'),
     ('steps: [forward: {distance: 1 m, speed: 9 m/s}]', '9.0 m/s is above'), ('', 'bad.yaml'),
+    ('closed_loop: true\nsteps: [forward: 1 m]', 'a closed loop needs'),
+    ('rate: 1 Hz\nsteps: [forward: 1 m]', 'bad.yaml:1: rate: 1 Hz'),
     ('robot: turtlebot3\nsteps: [forward: 1 m]', "'turtlebot3', and this is kachaka")])
 def test_a_motion_that_cannot_be_driven_is_refused_with_its_line(listener, text, part):
     with remote() as control:
