@@ -31,6 +31,7 @@ from kachaka_simple_control.console.drive_process import drive_command, DrivePro
 from kachaka_simple_control.console.folder import Folder, FolderError
 from kachaka_simple_control.console.hub import DriveFactory, Hub
 from kachaka_simple_control.console.preview import PreviewWorker
+from kachaka_simple_control.console.reports import Reports
 from kachaka_simple_control.console.running_drive import RunningDrive
 from kachaka_simple_control.console.security import bracketed, is_loopback, Tokens
 from kachaka_simple_control.exit_codes import BAD_USAGE, DONE, FAULTED, OneLineParser, SIGNALLED
@@ -68,7 +69,8 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     options = parse(sys.argv[1:] if args is None else args)
     try:
-        return run(options, drive_factory(options))
+        reports = Reports(options.reports)
+        return run(options, drive_factory(options, reports), reports)
     except ExitError as error:
         print(f'{PROGRAM}: {escaped(error, 400)}', file=sys.stderr)
         return error.code
@@ -120,23 +122,28 @@ def needs_token(options: argparse.Namespace) -> bool:
     return options.token or not is_loopback(options.host)
 
 
-def drive_factory(options: argparse.Namespace) -> DriveFactory:
+def drive_factory(options: argparse.Namespace, reports: Reports) -> DriveFactory:
     """
     Return a function that makes the drive process of a hub.
 
     :param options: the options
+    :param reports: the reports of the drives
     """
     if options.beside is not None:
         return partial(RunningDrive, *options.beside)
-    return partial(DriveProcess, drive_command(drive_options(options)))
+    return partial(
+        DriveProcess, partial(drive_command, drive_options(options), reports.options))
 
 
-def run(options: argparse.Namespace, make_drive: DriveFactory) -> int:
+def run(
+        options: argparse.Namespace, make_drive: DriveFactory,
+        reports: Reports | None = None) -> int:
     """
     Run the console until a signal ends it, or until the drive beside which it runs has ended.
 
     :param options: the options
     :param make_drive: makes the drive process of the hub
+    :param reports: the reports of the drives; None for none
     :returns: the exit code
     :raises ExitError: if tornado is missing, or the console cannot listen or open its folder
     """
@@ -144,7 +151,7 @@ def run(options: argparse.Namespace, make_drive: DriveFactory) -> int:
         import tornado  # noqa: F401
     except ImportError:
         raise ExitError(FAULTED, TORNADO_MISSING) from None
-    return asyncio.run(_run(options, make_drive))
+    return asyncio.run(_run(options, make_drive, reports or Reports(None)))
 
 
 def _parser() -> OneLineParser:
@@ -163,6 +170,8 @@ def _parser() -> OneLineParser:
         help='need a link with a token on this machine as well, because others use it too')
     add('--folder', metavar='DIR',
         help='offer the motion files of this folder, and save there (default: save nothing)')
+    add('--reports', metavar='DIR',
+        help='write a report of the drives between two releases of the robot to DIR/1, DIR/2, ...')
     add('--no-browser', action='store_true', help='do not open the page in a browser')
     robot = parser.add_mutually_exclusive_group().add_argument
     robot('--sim', action='store_true', help='start a simulated Kachaka')
@@ -191,7 +200,8 @@ def _port(text: str) -> int:
     return int(text)
 
 
-async def _run(options: argparse.Namespace, make_drive: DriveFactory) -> int:
+async def _run(
+        options: argparse.Namespace, make_drive: DriveFactory, reports: Reports) -> int:
     loop, ended = asyncio.get_running_loop(), asyncio.Event()
     signals: list[int] = []
 
@@ -206,7 +216,7 @@ async def _run(options: argparse.Namespace, make_drive: DriveFactory) -> int:
     except FolderError as error:
         raise ExitError(BAD_USAGE, error) from None
     tokens = Tokens() if needs_token(options) else None
-    hub = Hub(make_drive, folder, PreviewWorker(options.robot))
+    hub = Hub(make_drive, folder, PreviewWorker(options.robot), reports)
     try:
         server = _server(hub, options, tokens)
     except (OSError, UnicodeError) as error:

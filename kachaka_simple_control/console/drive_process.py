@@ -81,7 +81,7 @@ class DriveProcess:
 
     All methods must be called in the thread of the event loop.
 
-    :param command: the command line of the process
+    :param command: returns the command line of the next process
     :param on_report: is called with each report
     :param on_change: is called when ``state`` has changed
     :ivar state: ``starting`` until the process has found its robot, then ``running``; ``ended``
@@ -90,11 +90,11 @@ class DriveProcess:
     """
 
     def __init__(
-            self, command: Sequence[str], on_report: Callable[[Report], None],
+            self, command: Callable[[], Sequence[str]], on_report: Callable[[Report], None],
             on_change: Callable[[], None]) -> None:
         self.state: ProcessState = 'ended'
         self.reason: str | None = None
-        self._command = list(command)
+        self._command = command
         self._on_report, self._on_change = on_report, on_change
         self._process: asyncio.subprocess.Process | None = None
         self._pipe: int | None = None
@@ -208,7 +208,7 @@ class DriveProcess:
     async def _run(self, reading: int) -> None:
         try:
             self._process = process = await asyncio.create_subprocess_exec(
-                *self._command, stdin=reading, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                *self._command(), stdin=reading, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 limit=STREAM_LIMIT, env=child_environment())
         except OSError as error:
             self._close_pipe()
@@ -354,11 +354,12 @@ class DriveProcess:
             self._pipe = None
 
 
-def drive_command(options: Sequence[str]) -> list[str]:
+def drive_command(options: Sequence[str], more: Callable[[], list[str]]) -> list[str]:
     """
     Return the command line of the drive process.
 
     :param options: the options of the robot, with ``--ros-args`` and what follows at the end
+    :param more: returns further options
     """
     # The page has asked about the floor before it sends a command.
-    return [*python_command(MODULE), '--pipe', '--yes', *options]
+    return [*python_command(MODULE), '--pipe', '--yes', *more(), *options]

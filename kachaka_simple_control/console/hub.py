@@ -73,6 +73,7 @@ from kachaka_simple_control.console.protocol import (
     Take,
 )
 from kachaka_simple_control.console.recording import Recording
+from kachaka_simple_control.console.reports import Reports
 from kachaka_simple_control.console.security import HAND_RATE, OTHER_RATE, RateLimit
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.version import installed_version
@@ -124,14 +125,16 @@ class Hub:
         report, and one that is called when the state of the process has changed
     :param folder: the folder of motion files
     :param previews: the worker of the previews
+    :param reports: the reports of the drives
     :param clock: returns the time [s]
     """
 
     def __init__(
             self, make_drive: DriveFactory, folder: Folder, previews: PreviewWorker,
-            clock: Callable[[], float] = time.monotonic) -> None:
+            reports: Reports, clock: Callable[[], float] = time.monotonic) -> None:
         self.drive = make_drive(self._take_report, self._process_changed)
         self.lease: HandLease[Page] = HandLease()
+        self.reports = reports
         self._clock = clock
         self._pages: dict[Page, _Entry] = {}
         self._work = PageWork(folder, previews, lambda: tuple(self._pages))
@@ -443,6 +446,7 @@ class Hub:
             self._state, self._is_releasing = State('standing by'), False
         elif self.drive.state == 'ended':
             self._last_stamp = None
+            self.reports.note_end()
             self._state = replace(
                 self._state, state='ended', velocity=(0.0, 0.0), reason=self.drive.reason)
             if self.drive.reason:
@@ -466,7 +470,7 @@ class Hub:
         """Send each page what has changed since its last state."""
         values = asdict(PageState(
             **asdict(self._state), process=self.drive.state, watchers=len(self._pages),
-            is_recording=self._recording is not None))
+            is_recording=self._recording is not None, report=self.reports.newest))
         for page, entry in tuple(self._pages.items()):
             # A page that is behind gets the newest state later, instead of all of them.
             if entry.shown is None or page.is_behind:

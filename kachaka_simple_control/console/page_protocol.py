@@ -215,12 +215,14 @@ class PageState(State):
     :param driver: who has the lease of the hand
     :param watchers: how many pages are open
     :param is_recording: whether the velocities of the hand are recorded
+    :param report: the number of the newest report, at ``/report/N``; None if there is none
     """
 
     process: ProcessName = 'starting'
     driver: DriverName = 'nobody'
     watchers: int = 0
     is_recording: bool = False
+    report: int | None = None
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ class RunningDrive(DriveProcess):
     def __init__(
             self, reports: int, commands: int, pid: int, on_report: Callable[[Report], None],
             on_change: Callable[[], None]) -> None:
-        super().__init__((), on_report, on_change)
+        super().__init__(list, on_report, on_change)
         self.has_ended = asyncio.Event()
         self._reports, self._commands, self._drive_pid = reports, commands, pid
 

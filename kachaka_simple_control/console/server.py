@@ -26,6 +26,7 @@ from kachaka_simple_control.console.hub import Hub
 from kachaka_simple_control.console.messages import Message, MessageError, to_json
 from kachaka_simple_control.console.page_protocol import MAX_SENT
 from kachaka_simple_control.console.protocol import Log
+from kachaka_simple_control.console.reports import Reports
 from kachaka_simple_control.console.security import (
     Access,
     allowed_hosts,
@@ -47,6 +48,10 @@ PING_PERIOD = 5.0
 #: The largest size of a request's header [bytes].
 MAX_HEADER = 16_000
 #: The types of files that a machine may not know.
+#: What a report may load: nothing but itself.  It may run no script and open no window.
+REPORT_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; "
+    'sandbox')
 _TYPES = {'.js': 'text/javascript', '.css': 'text/css', '.html': 'text/html',
           '.svg': 'image/svg+xml'}
 #: After the link with the token was opened, the page is loaded from its own origin.  A redirect
@@ -146,6 +151,28 @@ class FileHandler(_Guarded):
         self.set_header('Set-Cookie', self.access.set_cookie(token))
         self.set_header('Content-Type', 'text/html; charset=utf-8')
         self.write(_FORWARD)
+
+
+class ReportHandler(_Guarded):
+    """The pages of the reports, which have their styles and pictures in themselves."""
+
+    reports: Reports
+
+    def initialize(self, access: Access, reports: Reports) -> None:  # type: ignore[override]
+        """Set what all handlers of this kind share."""
+        super().initialize(access)
+        self.reports = reports
+
+    def get(self, number: str) -> None:
+        """Answer with a report."""
+        if self.access.role(self.request.headers.get('Cookie')) is None:
+            self._refuse(403, 'open the link that the console has printed')
+        elif (page := self.reports.read(int(number))) is None:
+            self._refuse(404, 'there is no such report')
+        else:
+            self.set_header('Content-Security-Policy', REPORT_POLICY)
+            self.set_header('Content-Type', 'text/html; charset=utf-8')
+            self.write(page)
 
 
 class PageSocket(_Guarded, tornado.websocket.WebSocketHandler):
@@ -276,6 +303,8 @@ class ConsoleServer:
         self.access = Access(allowed_hosts(host, self.port, names), tokens, self.port)
         application = tornado.web.Application(
             [(r'/ws', PageSocket, {'access': self.access, 'hub': hub}),
+             (r'/report/(\d{1,6})', ReportHandler,
+              {'access': self.access, 'reports': hub.reports}),
              (r'/(.*)', FileHandler, {'access': self.access, 'pages': static_files()})],
             websocket_max_message_size=MAX_MESSAGE, websocket_ping_interval=PING_PERIOD,
             websocket_ping_timeout=PING_PERIOD, log_function=lambda _: None)

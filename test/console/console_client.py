@@ -18,6 +18,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterator
 import contextlib
+import http.client
 import json
 import os
 from pathlib import Path
@@ -104,6 +105,18 @@ class ConsoleProgram:
             self.process.communicate()
             raise
         return self.process.returncode
+
+
+def fetch(
+        program: ConsoleProgram, path: str, method: str = 'GET',
+        **headers: str) -> tuple[int, dict[str, str], str]:
+    """Send a request, and return its status, header fields and text."""
+    connection = http.client.HTTPConnection('127.0.0.1', program.port, timeout=10)
+    connection.request(method, path, headers=headers)
+    response = connection.getresponse()
+    text = response.read().decode()
+    connection.close()
+    return response.status, dict(response.getheaders()), text
 
 
 @contextlib.contextmanager

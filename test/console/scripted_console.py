@@ -21,6 +21,7 @@ import sys
 
 from kachaka_simple_control.console.console_command import parse, PROGRAM, run
 from kachaka_simple_control.console.drive_process import DriveProcess
+from kachaka_simple_control.console.reports import Reports
 from kachaka_simple_control.kachaka.program import ExitError
 
 SCRIPT = Path(__file__).with_name('scripted_drive.py')
@@ -38,7 +39,10 @@ def main(arguments: list[str]) -> int:
              if word.startswith(DRIVE_OPTION)]
     own = [word for word in arguments if not word.startswith(DRIVE_OPTION)]
     try:
-        return run(parse([*own, '--no-browser']), partial(DriveProcess, drive_command(*words)))
+        options = parse([*own, '--no-browser'])
+        reports = Reports(options.reports)
+        return run(options, partial(
+            DriveProcess, lambda: drive_command(*words, *reports.options())), reports)
     except ExitError as error:
         print(f'{PROGRAM}: {error}', file=sys.stderr)
         return error.code

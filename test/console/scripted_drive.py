@@ -56,6 +56,7 @@ from kachaka_simple_control.console.protocol import (
     Take,
     write_line,
 )
+from kachaka_simple_control.console.reports import PAGE
 
 PERIOD = 0.05
 LEASE = 0.25
@@ -225,7 +226,8 @@ class ScriptedDrive:
             if select.select([0], [], [], wait)[0] and not self.options.deaf:
                 data = os.read(0, 65536)
                 if not data:
-                    return 0
+                    self.end_code = 0
+                    break
                 *lines, rest = (rest + data).split(b'\n')
                 for line in lines:
                     self._record(line)
@@ -251,6 +253,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--duration', type=float, default=4.0, help='of a motion [s]')
     parser.add_argument('--no-odometry', action='store_true')
     parser.add_argument('--errors', default='', help='the errors that the robot reports')
+    parser.add_argument('--report', help='write a report to this folder at the end')
     parser.add_argument('--refuse', action='store_true', help='refuse to take the robot')
     parser.add_argument('--deaf', action='store_true', help='never read a line')
     parser.add_argument('--start-delay', type=float, default=0.0, help='before the first line [s]')
@@ -263,7 +266,12 @@ def main(arguments: list[str] | None = None) -> int:
 
     signal.signal(signal.SIGINT, interrupted)
     signal.signal(signal.SIGTERM, interrupted)
-    return ScriptedDrive(options).run()
+    code = ScriptedDrive(options).run()
+    if options.report is not None:
+        folder = Path(options.report)
+        folder.mkdir(parents=True)
+        (folder / PAGE).write_text('<title>of the drive</title>')
+    return code
 
 
 if __name__ == '__main__':

@@ -49,7 +49,7 @@ class Watched:
     def __init__(self, command: list[str]) -> None:
         self.reports: list[Report] = []
         self.states: list[str] = []
-        self.drive = DriveProcess(command, self.reports.append, self._note)
+        self.drive = DriveProcess(lambda: command, self.reports.append, self._note)
 
     def _note(self) -> None:
         self.states.append(self.drive.state)
@@ -306,7 +306,8 @@ def test_a_process_that_does_not_end_gets_signals(monkeypatch: pytest.MonkeyPatc
 
 
 def test_the_command_confirms_and_passes_the_options():
-    command = drive_command(['--sim', '--robot=kachaka', '--ros-args', '-r', 'a:=b'])
+    command = drive_command(
+        ['--sim', '--robot=kachaka', '--ros-args', '-r', 'a:=b'], lambda: ['--report=a/1'])
     assert 'kachaka_simple_control.__main__' in command[2]
-    assert ['--pipe', '--yes', '--sim', '--robot=kachaka', '--ros-args', '-r', 'a:=b'
-            ] == command[3:]
+    assert ['--pipe', '--yes', '--report=a/1', '--sim', '--robot=kachaka', '--ros-args', '-r',
+            'a:=b'] == command[3:]

@@ -36,6 +36,7 @@ from kachaka_simple_control.console.page_protocol import (
 )
 from kachaka_simple_control.console.preview import PreviewWorker
 from kachaka_simple_control.console.protocol import Pause, Speed, Take
+from kachaka_simple_control.console.reports import Reports
 import pytest
 from scripted_console import drive_command as scripted
 
@@ -89,8 +90,8 @@ def run(scenario: Callable[[Hub, list[float]], Any], *words: str) -> None:
     async def body() -> None:
         now = [1000.0]
         hub = Hub(
-            partial(DriveProcess, scripted(*words)), Folder(None), PreviewWorker(),
-            lambda: now[0])
+            partial(DriveProcess, partial(scripted, *words)), Folder(None), PreviewWorker(),
+            Reports(None), lambda: now[0])
         hub.start()
         try:
             await scenario(hub, now)

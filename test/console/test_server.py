@@ -24,7 +24,7 @@ import subprocess
 import sys
 import time
 
-from console_client import console, ConsoleProgram, PageClient, serve
+from console_client import console, ConsoleProgram, fetch, PageClient, serve
 from kachaka_simple_control.console.page_protocol import (
     AskPreview,
     Lease,
@@ -272,6 +272,26 @@ def test_a_release_starts_a_new_process(tmp_path: Path):
         assert (await page.ask(Take))['is_done']
 
     serve(tmp_path, scenario)
+
+
+def test_a_release_leaves_a_report(tmp_path: Path):
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        await page.take()
+        assert page.state['report'] is None
+        assert 404 == fetch(program, '/report/2')[0]
+        assert (await page.ask(Release))['is_done']
+        # The folder 1 is of another console.
+        await page.until(lambda: page.state['report'] == 2)
+        status, headers, text = fetch(program, '/report/2')
+        assert (200, '<title>of the drive</title>') == (status, text)
+        assert headers['Content-Security-Policy'].startswith("default-src 'none'; ")
+        assert 'sandbox' in headers['Content-Security-Policy']
+        for path in ('/report/0', '/report/3', '/report/x', '/report/2/run.json'):
+            assert 404 == fetch(program, path)[0]
+
+    (tmp_path / 'reports' / '1').mkdir(parents=True)
+    serve(tmp_path, scenario, '--reports', str(tmp_path / 'reports'))
 
 
 def test_a_process_that_dies_is_started_only_by_a_press(tmp_path: Path):

@@ -36,6 +36,9 @@ export class StateView {
     const [linear, angular] = state.velocity ?? [0, 0];
     setText(byId('linear'), `${signed(linear.toFixed(2))} m/s`);
     setText(byId('angular'), `${signed((angular * 180 / Math.PI).toFixed(0))} °/s`);
+    const report = state.report ?? null;
+    byId('report').hidden = report === null;
+    if (report !== null) byId('report').href = `/report/${report}`;
     showRobot(state.battery ?? null, state.robot_errors ?? null);
     // It is told whenever it changes, so it is right until the next message.
     this.odometryAge = state.odometry_age ?? null;
