@@ -66,7 +66,7 @@ class Excess(NamedTuple):
 
     velocity: float
     acceleration: float
-    #: of equally long messages, and of others; see ``second_difference()``
+    #: of equally long messages, and of others
     jerk: float
     jerk_unequal: float
 
@@ -103,7 +103,9 @@ def _excess(
     for (first, second), (one, two, three) in zip(
             pairwise(changes), zip(sent, sent[1:], sent[2:])):
         durations = one[1], two[1], three[1]
-        apart = (durations[0] / 2.0 + durations[1] + durations[2] / 2.0) / 2.0
+        # A message has the mean of the velocity over its time.  Of means over times of any length,
+        # this is the difference that is exact for a constant jerk.
+        apart = sum(durations) / 3.0
         is_equal = max(durations) - min(durations) < 1e-9 * max(durations)
         jerks[is_equal].append(abs(second - first) / apart / jerk)
     return Excess(

@@ -23,14 +23,19 @@ import sys
 import time
 from typing import Any
 
+from benchmarks import ROOT
 from benchmarks.console_matrix.table import matrix
-from benchmarks.console_matrix.trial import find_violations, LOAD_FACTOR
-from benchmarks.run import RESULTS, today
+from benchmarks.console_matrix.trial import find_violations, LOAD_FACTOR, Trial
+from benchmarks.run import RESULTS, today, write_measured
+from benchmarks.tables import Table
 import chromium
 from program import restore_signals
 from stall_observer import MAX_REPEATED, too_many
 
 REFERENCE = RESULTS / 'console_matrix.json'
+PAGE = ROOT / 'docs' / 'console.md'
+BEGIN = '<!-- console matrix: written by make console-matrix, changes here are lost -->'
+END = '<!-- console matrix: end -->'
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -58,12 +63,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         left_out = [row.expectation.what for row in ROWS if not row.quick]
         print(f'Left out of the quick form: {"; ".join(left_out)}.\nLimits are {LOAD_FACTOR:g} '
               'times as long, for the machine may be busy with other things.')
-    elif not options.rows:
-        data: dict[str, Any] = {
-            'date': today(), 'machine': described,
-            'repeated': results.repeated,
-            'rows': {what: [*map(asdict, trials)] for what, trials in results.trials.items()}}
+    elif not options.rows or options.merge:
+        known = json.loads(REFERENCE.read_text())['rows'] if options.merge else {}
+        tried_rows = {what: [*map(asdict, trials)] for what, trials in results.trials.items()}
+        data = {'date': today(), 'machine': described, 'rows': {**known, **tried_rows}}
         REFERENCE.write_text(json.dumps(data) + '\n')
+        write_measured(PAGE, measured(data), BEGIN, END)
     found = [text for row, _ in rows
              for text in find_violations(
                  row.expectation, results.trials[row.expectation.what], options.quick)]
@@ -73,11 +78,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 1 if found else 0
 
 
+def measured(data: dict[str, Any]) -> str:
+    """Return the part of the page that shows the results of a file."""
+    from benchmarks.console_matrix.rows import ROWS
+    trials = {what: [*map(Trial.from_json, row)] for what, row in data['rows'].items()}
+    table = matrix([row.expectation for row in ROWS], trials)
+    machine = Table('Measured on', ('', ''), tuple(data['machine'].items()))
+    return '\n'.join([f'Measured on {data["date"]}.', '', table.markdown(), machine.markdown()])
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog='benchmarks.console_matrix', description=__doc__)
     add = parser.add_argument
     add('--quick', action='store_true', help='try each row once; writes no results')
     add('--rows', nargs='+', metavar='PART', help='only rows with a part of their name in these')
+    add('--merge', action='store_true', help='keep the other rows of the reference')
     return parser
 
 

@@ -20,6 +20,7 @@ With the option ``--port`` this is the console, otherwise its drive process.
 from __future__ import annotations
 
 import argparse
+from functools import partial
 import sys
 
 from kachaka_simple_control.files.motion_file import loads
@@ -42,7 +43,7 @@ class PlannedDrive(ScriptedDrive):
             motion = loads(command.text, command.name).motion
             self.plan = DriveOrder.of(motion, KACHAKA.planning_limits, RATE).plan()
             self.planned, self.pose = ORIGIN, (0.0, 0.0, 0.0)
-            self._set(motion=motion.name, steps=len(self.plan.steps))
+            self._set(motion=motion.name, steps=len(self.plan.steps), start=self.pose)
 
     def _advance_motion(self):
         self.elapsed += PERIOD * self.factor
@@ -65,7 +66,11 @@ class PlannedDrive(ScriptedDrive):
 if __name__ == '__main__':
     if len(sys.argv) > 1:
         from kachaka_simple_control.console.console_command import parse, run
-        sys.exit(run(parse([*sys.argv[1:], '--no-browser']), [sys.executable, __file__]))
+        from kachaka_simple_control.console.drive_process import DriveProcess
+        sys.exit(run(
+            parse([*sys.argv[1:], '--no-browser']),
+            partial(DriveProcess, lambda: [sys.executable, __file__])))
     options = argparse.Namespace(
-        record=None, refuse=False, deaf=False, no_odometry=False, duration=4.0, start_delay=0.0)
+        record=None, refuse=False, deaf=False, no_odometry=False, duration=4.0, start_delay=0.0,
+        battery=0.8, errors='', report=None)
     sys.exit(PlannedDrive(options).run())

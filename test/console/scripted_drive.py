@@ -183,7 +183,7 @@ class ScriptedDrive:
         self.pose = (x + linear_x * math.cos(theta) * PERIOD,
                      y + linear_x * math.sin(theta) * PERIOD, theta + angular_z * PERIOD)
         self._set(
-            battery=0.15, robot_errors=self.options.errors or None,
+            battery=self.options.battery, robot_errors=self.options.errors or None,
             velocity=self.velocity, odometry_age=None if self.options.no_odometry else 0.02,
             driven=None if self.options.no_odometry else self.pose)
         if self.state != self.last_state:
@@ -252,6 +252,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--record', help='append each line that comes in to this file')
     parser.add_argument('--duration', type=float, default=4.0, help='of a motion [s]')
     parser.add_argument('--no-odometry', action='store_true')
+    parser.add_argument('--battery', type=float, default=0.8, help='its charge')
     parser.add_argument('--errors', default='', help='the errors that the robot reports')
     parser.add_argument('--report', help='write a report to this folder at the end')
     parser.add_argument('--refuse', action='store_true', help='refuse to take the robot')

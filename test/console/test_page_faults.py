@@ -74,7 +74,7 @@ def test_without_odometry_a_stop_is_shown_as_unconfirmed(browser, tmp_path):
 
 
 def test_battery_and_errors_of_the_robot_are_shown(browser, tmp_path):
-    console = Console(tmp_path, '--errors=error 21051 (paused)')
+    console = Console(tmp_path, '--battery=0.15', '--errors=error 21051 (paused)')
     try:
         page = Page(browser, console.address).open()
         page.wait(lambda: page.text('#battery') == '15 %', 'the charge')

@@ -279,7 +279,7 @@ def test_a_release_leaves_a_report(tmp_path: Path):
         page = await PageClient.connect(program)
         await page.take()
         assert page.state['report'] is None
-        assert 404 == fetch(program, '/report/2')[0]
+        assert 404 == fetch(program, '/report/1')[0]
         assert (await page.ask(Release))['is_done']
         # The folder 1 is of another console.
         await page.until(lambda: page.state['report'] == 2)
@@ -291,6 +291,7 @@ def test_a_release_leaves_a_report(tmp_path: Path):
             assert 404 == fetch(program, path)[0]
 
     (tmp_path / 'reports' / '1').mkdir(parents=True)
+    (tmp_path / 'reports' / '1' / 'report.html').write_text('of another console')
     serve(tmp_path, scenario, '--reports', str(tmp_path / 'reports'))
 
 

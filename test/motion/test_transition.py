@@ -152,7 +152,7 @@ def test_what_is_sent_keeps_every_promise(motion: Motion, limits: Limits, rate: 
     for axis, excess in own.items():
         assert excess.acceleration <= ROUNDING
         assert excess.jerk <= 1e-6
-        assert excess.jerk_unequal <= max(0.01, others[axis].jerk_unequal)
+        assert excess.jerk_unequal <= max(1e-6, others[axis].jerk_unequal)
 
 
 @settings(max_examples=30, deadline=None)
