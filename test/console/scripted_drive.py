@@ -138,7 +138,7 @@ class ScriptedDrive:
             self._set(state='driving')
         elif isinstance(command, Speed):
             self.factor = command.factor
-            self._set(factors={'console': command.factor})
+            self._set(factors={'override': command.factor})
 
     def _take_hand(self, hand: Hand) -> None:
         is_zero = hand.linear_x == hand.angular_z == 0.0

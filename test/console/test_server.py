@@ -167,7 +167,7 @@ def test_a_motion_is_driven_paused_slowed_and_stopped(tmp_path: Path):
         await page.until(lambda: page.state['state'] == 'paused')
         assert (await page.ask(Speed, factor=0.5))['is_done']
         assert (await page.ask(Resume))['is_done']
-        await page.until(lambda: page.state['factors'] == {'console': 0.5})
+        await page.until(lambda: page.state['factors'] == {'override': 0.5})
         answer = await page.stop()
         assert answer['is_done']
         assert answer['is_confirmed']

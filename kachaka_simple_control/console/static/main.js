@@ -150,12 +150,17 @@ function changeState(changes) {
   refresh();
 }
 
+/** Return whether a drive from a terminal has ended, and its page with it. */
+function isDriveOver() {
+  return !page.isDrivenHere && page.state.process === 'ended';
+}
+
 /** Say in large letters that there is no connection. */
 function showLost() {
   const isLost = !page.isOpen && page.wasOpen;
   if (byId('lost').hidden !== isLost) return;
   byId('lost').hidden = !isLost;
-  const isOver = !page.isDrivenHere && page.state.process === 'ended';
+  const isOver = isDriveOver();
   setText(byId('lost-title'), !isLost ? '' : isOver ? 'The drive has ended' : 'Connection lost');
   setText(byId('lost-text'), isOver ? 'This page was there for it alone.' : isLost ?
     'This page cannot stop the robot now. Driving by hand has ended; a motion begun here pauses ' +
@@ -170,7 +175,7 @@ connection.addEventListener('open', () => {
 connection.addEventListener('lost', () => {
   page.isOpen = false;
   question.cancel();
-  setStatus(byId('state'), page.wasOpen ? 'unknown' : 'connecting', 'bad');
+  if (!isDriveOver()) setStatus(byId('state'), page.wasOpen ? 'unknown' : 'connecting', 'bad');
   showLost();
   refresh();
 });

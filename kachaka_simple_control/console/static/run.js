@@ -8,6 +8,8 @@ import {sizeText} from './geometry.js';
 const FREE = ['standing by', 'stopped', 'ended'];
 /** The shortest time between two speed factors that are sent [ms]. */
 const SPEED_PERIOD = 100;
+/** So long after a change here, the speed of others is not shown [ms]. */
+const SPEED_HOLD = 1_000;
 
 /** The buttons of a motion. */
 export class RunControls {
@@ -24,7 +26,7 @@ export class RunControls {
     /** Is called with the plan before a motion is run. */
     this.onRun = () => {};
     this.speedTimer = null;
-    this.speedSentAt = 0;
+    this.speedSentAt = -Infinity;
     parts.run.addEventListener('click', () => this.run());
     parts.pause.addEventListener('click', () => this.pauseOrResume());
     parts.speed.addEventListener('input', () => this.changeSpeed());
@@ -46,6 +48,7 @@ export class RunControls {
     const mayChange = isDrivenHere ? isMine : mayDrive;
     this.parts.pause.disabled = !isOpen || !isDriving || (state.state === 'paused' && !mayChange);
     this.parts.speed.disabled = !isOpen || !mayChange;
+    this.followSpeed(state.factors?.override ?? 1);
   }
 
   /** Return why no motion may begin; an empty text if one may. */
@@ -93,6 +96,13 @@ export class RunControls {
     if (this.speedTimer !== null) return;
     const wait = Math.max(0, this.speedSentAt + SPEED_PERIOD - performance.now());
     this.speedTimer = setTimeout(() => this.sendSpeed(), wait);
+  }
+
+  /** Show the speed that is set, also by others, unless the slider has just been moved here. */
+  followSpeed(factor) {
+    if (performance.now() - this.speedSentAt < SPEED_HOLD || this.speedTimer !== null) return;
+    this.parts.speed.value = Math.round(factor * 100);
+    this.showSpeed();
   }
 
   /** Show the speed of the slider. */
