@@ -33,10 +33,12 @@ workers_beside_others() {
     }'
 }
 marked=${1:+ and ($1)}
-run '(not ros and not real_time)' -n "$([ "$WORKERS" = 0 ] && echo 0 || nproc)" test
+cores=$([ "$WORKERS" = 0 ] && echo 0 || nproc)
+# Without stealing, one core would do the last half minute alone.
+run '(not ros and not real_time)' -n "$cores" --dist worksteal test
 workers=$(workers_beside_others)
 [ "$workers" = "$WORKERS" ] || echo "other programs use the cores: $workers workers, not $WORKERS"
 run '(ros or real_time) and not browser' -n "$workers" --dist worksteal "${real_time[@]}"
 # A browser takes a whole core for a moment, and the tests beside it would be late.
-run browser -n "$([ "$WORKERS" = 0 ] && echo 0 || nproc)" "${browser[@]}"
+run browser -n "$cores" --dist worksteal "${browser[@]}"
 exit $code

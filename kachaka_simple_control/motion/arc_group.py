@@ -24,8 +24,9 @@ from kachaka_simple_control.motion.path_segment import limits_along, PathSegment
 from kachaka_simple_control.motion.transition import Circle
 from kachaka_simple_control.motion.velocity_profile import PathLimits
 
-#: Two curvatures are equal if they differ by at most this fraction, from rounding.
-EQUAL = 1e-12
+#: Two curvatures are equal if they differ by at most this fraction.  Between circles that differ
+#: less, rounding would make a transition longer than it says: at 1e-12 by 1 %.
+EQUAL = 1e-11
 
 
 class RunArc(NamedTuple):
