@@ -24,16 +24,17 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from datetime import datetime
 from functools import partial
 import time
-from typing import Any, Literal
+from typing import Literal
 
 from kachaka_simple_control.console.drive_process import DriveProcess
 from kachaka_simple_control.console.folder import Folder, FolderError
 from kachaka_simple_control.console.lease import HandLease, IDLE_TIME
 from kachaka_simple_control.console.messages import Message, MessageError
+from kachaka_simple_control.console.open_pages import OpenPage, OpenPages, Page
 from kachaka_simple_control.console.page_protocol import (
     AskPreview,
     Driven,
@@ -48,10 +49,9 @@ from kachaka_simple_control.console.page_protocol import (
     Recorded,
     RunMotion,
     Start,
-    StateChanges,
     Welcome,
 )
-from kachaka_simple_control.console.page_work import in_thread, Page, PageWork
+from kachaka_simple_control.console.page_work import in_thread, PageWork
 from kachaka_simple_control.console.preview import PreviewWorker
 from kachaka_simple_control.console.protocol import (
     Answer,
@@ -74,7 +74,6 @@ from kachaka_simple_control.console.protocol import (
 )
 from kachaka_simple_control.console.recording import Recording
 from kachaka_simple_control.console.reports import Reports
-from kachaka_simple_control.console.security import HAND_RATE, OTHER_RATE, RateLimit
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.version import installed_version
 
@@ -100,23 +99,6 @@ Outcome = tuple[bool, str]
 DriveFactory = Callable[[Callable[[Report], None], Callable[[], None]], DriveProcess]
 
 
-@dataclass
-class _Entry:
-    """
-    What the hub knows of a page.
-
-    :param hand_rate: the limit of its velocities
-    :param other_rate: the limit of its other messages
-    :param sequence: the largest sequence of its velocities
-    :param shown: the state that it has been sent; None before it has said hello
-    """
-
-    hand_rate: RateLimit
-    other_rate: RateLimit
-    sequence: int = -1
-    shown: dict[str, Any] | None = None
-
-
 class Hub:
     """
     The console without its network: pages on the one side, the drive process on the other.
@@ -136,7 +118,7 @@ class Hub:
         self.lease: HandLease[Page] = HandLease()
         self.reports = reports
         self._clock = clock
-        self._pages: dict[Page, _Entry] = {}
+        self._pages = OpenPages()
         self._work = PageWork(folder, previews, lambda: tuple(self._pages))
         self._robot: Robot | None = None
         self._state = State('standing by')
@@ -175,8 +157,7 @@ class Hub:
 
         :param page: the page
         """
-        now = self._clock()
-        self._pages[page] = _Entry(RateLimit(HAND_RATE, now), RateLimit(OTHER_RATE, now))
+        self._pages.add(page, self._clock())
         self._show()
 
     def close_page(self, page: Page) -> None:
@@ -185,7 +166,7 @@ class Hub:
 
         :param page: the page
         """
-        if self._pages.pop(page, None) is not None:
+        if self._pages.remove(page):
             self._lose_lease(page)
             self._show()
 
@@ -196,7 +177,7 @@ class Hub:
         :param page: the page
         :param text: the message
         """
-        entry = self._pages.get(page)
+        entry = self._pages.find(page)
         if entry is None:
             return
         now = self._clock()
@@ -218,7 +199,7 @@ class Hub:
 
     # From the pages
 
-    def _take_hand(self, page: Page, entry: _Entry, hand: Hand, now: float) -> None:
+    def _take_hand(self, page: Page, entry: OpenPage, hand: Hand, now: float) -> None:
         """
         Pass a velocity on at once, or drop it; it is never kept or sent again.
 
@@ -249,7 +230,7 @@ class Hub:
         self._sequence += 1
         self.drive.hand(Hand(self._sequence, stamp, linear_x, angular_z))
 
-    def _handle(self, page: Page, entry: _Entry, message: Message, now: float) -> None:
+    def _handle(self, page: Page, entry: OpenPage, message: Message, now: float) -> None:
         if isinstance(message, Hello):
             self._welcome(page, entry)
             return
@@ -291,7 +272,7 @@ class Hub:
             Take, Release, RunMotion, Resume, Speed, Record))
         return NO_LEASE if needs_lease and self.lease.holder is not page else ''
 
-    def _welcome(self, page: Page, entry: _Entry) -> None:
+    def _welcome(self, page: Page, entry: OpenPage) -> None:
         async def welcome() -> None:
             motions = await self._work.motions()
             page.send(Welcome(page.may_drive, installed_version(), self._work.folder_name,
@@ -408,7 +389,7 @@ class Hub:
         """Send each page the plan of the motion that has begun."""
         if (plan := await self._work.plan(text)) is not None:
             self._driven = Driven(plan)
-            self._send_all(self._driven)
+            self._pages.send(self._driven)
 
     # From the drive process
 
@@ -428,7 +409,7 @@ class Hub:
                 self._work.spawn(self._show_plan(report.text))
             case Robot():
                 self._robot = report
-                self._send_all(report)
+                self._pages.send(report)
 
     def _take_segments(self, report: Sent) -> None:
         if self._recording is None:
@@ -456,33 +437,14 @@ class Hub:
     def _log(self, level: Literal['debug', 'info', 'warning', 'error'], text: str) -> None:
         line = Log(level, text)
         self._logs.append(line)
-        self._send_all(line)
-
-    def _send_all(self, message: Message) -> None:
-        """Send a message to each page that has said hello."""
-        for page, entry in tuple(self._pages.items()):
-            if entry.shown is not None:
-                page.send(message)
-
-    # The state of the pages
+        self._pages.send(line)
 
     def _show(self) -> None:
         """Send each page what has changed since its last state."""
-        values = asdict(PageState(
+        self._pages.show(PageState(
             **asdict(self._state), process=self.drive.state, watchers=len(self._pages),
-            is_recording=self._recording is not None, report=self.reports.newest))
-        for page, entry in tuple(self._pages.items()):
-            # A page that is behind gets the newest state later, instead of all of them.
-            if entry.shown is None or page.is_behind:
-                continue
-            holder = self.lease.holder
-            own = {**values, 'driver': 'nobody' if holder is None else
-                   'you' if holder is page else 'another'}
-            changes = {key: value for key, value in own.items()
-                       if key not in entry.shown or entry.shown[key] != value}
-            if changes:
-                entry.shown = own
-                page.send(StateChanges(changes))
+            is_recording=self._recording is not None, report=self.reports.newest),
+            self.lease.holder)
 
     async def _tick_forever(self) -> None:
         while True:

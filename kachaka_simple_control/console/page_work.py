@@ -18,10 +18,10 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Coroutine
 from functools import partial
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from kachaka_simple_control.console.folder import FileExistsInFolderError, Folder, FolderError
-from kachaka_simple_control.console.messages import Message
+from kachaka_simple_control.console.open_pages import Page
 from kachaka_simple_control.console.page_protocol import (
     AskPreview,
     FileText,
@@ -37,21 +37,6 @@ from kachaka_simple_control.console.preview import PreviewWorker
 from kachaka_simple_control.console.protocol import Request
 
 T = TypeVar('T')
-
-
-class Page(Protocol):
-    """An open page."""
-
-    @property
-    def may_drive(self) -> bool:
-        """Return whether the page may ask for the lease."""
-
-    @property
-    def is_behind(self) -> bool:
-        """Return whether the page has not yet taken the last messages."""
-
-    def send(self, message: Message) -> None:
-        """Send a message to the page, or drop the page if it does not take messages."""
 
 
 class PageWork:
