@@ -26,6 +26,7 @@ from benchmarks.console_matrix.trial import (
     SpoiltError,
     Trial,
 )
+from benchmarks.run import updated
 import pytest
 
 ROW = Expectation('something', 'somebody')
@@ -110,3 +111,15 @@ def test_nothing_may_move_where_no_zero_is_due():
 def test_a_trial_survives_its_file():
     trial = replace(GOOD, broken=('bad',))
     assert Trial.from_json(json.loads(json.dumps(trial.__dict__))) == trial
+
+
+@pytest.mark.needs('rclpy', 'nav_msgs', 'selenium')
+def test_the_page_shows_the_reference_results():
+    from benchmarks.console_matrix.__main__ import BEGIN, END, measured, PAGE, REFERENCE
+    from benchmarks.console_matrix.rows import ROWS
+    page, run = PAGE.read_text(), json.loads(REFERENCE.read_text())
+    assert updated(page, measured(run), BEGIN, END) == page
+    for row in ROWS:
+        trials = [*map(Trial.from_json, run['rows'][row.expectation.what])]
+        assert len(trials) == row.full
+        assert find_violations(row.expectation, trials) == []
