@@ -364,13 +364,22 @@ class _Flow:
 
     def _remove_grid_rests(self) -> None:
         """Stretch corners over what is left of a leg only because of the grid of the corners."""
-        for leg, one, two in zip(self.legs[1:], self.junctions, self.junctions[1:]):
-            left = length_left(leg, one, two)
-            if 0.0 < left <= GRID_REST * leg.segment.distance and one.speed == two.speed:
-                for junction in corners_of(one, two):
-                    if junction.may_grow(left):
-                        junction.stretch(left)
-                        break
+        for index, (one, two) in enumerate(zip(self.junctions, self.junctions[1:])):
+            left = self._length_left(index + 1)
+            is_grid_rest = 0.0 < left <= GRID_REST * self.legs[index + 1].segment.distance
+            if is_grid_rest and one.speed == two.speed:
+                growing = [corner for corner in corners_of(one, two) if corner.may_grow(left)]
+                # The leg on the other side of the corner must be long enough, too.
+                fitting = [corner for corner in growing if left <= self._length_left(
+                    index if corner is one else index + 2)]
+                for corner in (fitting or growing)[:1]:
+                    corner.stretch(left)
+
+    def _length_left(self, index: int) -> float:
+        """Return what the junctions leave of a leg [m]."""
+        before = self.junctions[index - 1] if index else None
+        after = self.junctions[index] if index < len(self.junctions) else None
+        return length_left(self.legs[index], before, after)
 
     def _build(self) -> list[FlowStep]:
         """Return the planned steps for the speeds at the junctions."""

@@ -46,6 +46,8 @@ LARGEST_ANGLE = 1.4
 #: of the smooth curve by less than ``SMOOTH_SHARE``.
 SMOOTH_COUNT = 64
 SMOOTH_SHARE = 1e-3
+#: The rounding of a position, as a part of the radii.
+ROUNDING = 1e-14
 #: How many different ramps are remembered.
 REMEMBERED = 4096
 
@@ -326,11 +328,24 @@ def plan_transition(
         return None
     length = smooth[0] * chosen
     lost = bend.replaced(chosen, *smooth)
-    margin = SMOOTH_SHARE * length
+    margin = max(SMOOTH_SHARE * length, _rounding(one, two))
     return Transition(
         bend, chosen, found[0] / shortest, length,
         lost.before / (abs(one.curvature) or 1.0) + margin,
         lost.after / (abs(two.curvature) or 1.0) + margin)
+
+
+def _rounding(one: Circle, two: Circle) -> float:
+    """
+    Return by how much rounding may change what a transition between two curves replaces [m].
+
+    The nearer the centres of two circles are to each other, the less exact is the direction from
+    one to the other.
+    """
+    between = math.hypot(two.x - one.x, two.y - one.y)
+    if not (one.curvature and two.curvature and between):
+        return 0.0
+    return ROUNDING * (1.0 / abs(one.curvature) + 1.0 / abs(two.curvature)) ** 2 / between
 
 
 @lru_cache(REMEMBERED)

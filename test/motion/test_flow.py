@@ -30,7 +30,7 @@ from flows import (
     messages,
     skeleton,
 )
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.corner import CornerTurn, plan_corner
@@ -60,6 +60,10 @@ def with_stops(motion: Motion) -> Motion:
 
 @settings(max_examples=60, deadline=None)
 @given(flows(), FLOW_LIMITS, FLOW_RATES)
+@example(Motion('flow', (
+    Forward(1.0), Turn(-0.3141592653589793), Forward(1.0), Turn(-0.20943951023931956),
+    Forward(1.0), Turn(-0.29670597283903605), Forward(1.0)), corners=0.1),
+    Limits(1.0, 1.0, 2.0, 1.0), 5.0)
 def test_what_is_sent_keeps_every_promise(motion: Motion, limits: Limits, rate: float):
     planned, stopping = plan(motion, limits, rate), plan(with_stops(motion), limits, rate)
     sent = messages(planned.segments)

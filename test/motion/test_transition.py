@@ -212,6 +212,8 @@ def test_a_wider_gap_makes_a_joint_faster(radius, offset, speed):
 @given(st.tuples(RADII, RADII), st.tuples(SIDES, SIDES), st.floats(0.001, 0.2),
        st.floats(0.05, 1.0), FLOW_RATES, FLOW_LIMITS)
 @example((1.0, 1.0 + 1.1e-11), (1.0, 1.0), 0.125, 1.0, 10.0, UNIT)
+@example((1.0000000000100473, 0.9999999999999987), (1.0, 1.0), 0.001, 0.05, 5.0,
+         Limits(0.05, 0.2, 0.1, 0.5))
 def test_a_joint_replaces_no_more_than_it_says(radii, sides, share, part, rate, limits):
     """At its own speed and at each lower one, from the few arcs of a slow rate to many."""
     # Nearer circles are one.
