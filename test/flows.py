@@ -91,14 +91,21 @@ def excesses(sent: Sequence[Message], limits: Limits, period: float) -> dict[str
             limits.angular_deceleration, limits.max_angular_jerk)}
 
 
+def needed_time(one: float, two: float, acceleration: float, deceleration: float) -> float:
+    """Return the least time for a change of a velocity; one of the sign first comes to rest."""
+    if one * two < 0.0:
+        return abs(one) / deceleration + abs(two) / acceleration
+    return abs(two - one) / (acceleration if abs(two) > abs(one) else deceleration)
+
+
 def _excess(
         sent: list[tuple[float, float]], top: float, acceleration: float, deceleration: float,
         jerk: float) -> Excess:
     # From the middle of a message to the middle of the next.
-    changes = [(two - one) / ((before + after) / 2.0)
-               for (one, before), (two, after) in pairwise(sent)]
-    parts = [abs(change) / (acceleration if abs(two) > abs(one) else deceleration)
-             for change, ((one, _), (two, _)) in zip(changes, pairwise(sent))]
+    times = [(before + after) / 2.0 for (_, before), (_, after) in pairwise(sent)]
+    changes = [(two - one) / time for time, ((one, _), (two, _)) in zip(times, pairwise(sent))]
+    parts = [needed_time(one, two, acceleration, deceleration) / time
+             for time, ((one, _), (two, _)) in zip(times, pairwise(sent))]
     jerks = {True: [0.0], False: [0.0]}
     for (first, second), (one, two, three) in zip(
             pairwise(changes), zip(sent, sent[1:], sent[2:])):

@@ -35,9 +35,9 @@ from kachaka_simple_control.motion.junctions import (
     ArcJunction,
     corner_of,
     CornerJunction,
-    corners_of,
     Junction,
     REMEMBERED,
+    stretch_corners,
 )
 from kachaka_simple_control.motion.leg_speeds import Leg, LegJunction, length_left, limit_speeds
 from kachaka_simple_control.motion.limits import Limits
@@ -192,6 +192,12 @@ def _finite(limits: PathLimits, length: float) -> PathLimits:
     if limits.velocity < math.inf:
         return limits
     return limits._replace(velocity=time_optimal_profile(length, *limits).velocity)
+
+
+def is_grid_rest(leg: Leg, one: Junction, two: Junction) -> bool:
+    """Return whether the rest of a leg comes only from the grid of the corners at its ends."""
+    return one.speed == two.speed and (
+        length_left(leg, one, two) <= GRID_REST * leg.segment.distance)
 
 
 class _Flow:
@@ -357,29 +363,21 @@ class _Flow:
             missing = LEG_SHARE / self.rate * max(one.speed, two.speed) - left
             junction = corner_of(one, two)
             # A rest that comes from the grid of the corners is removed later.
-            is_grid_rest = left <= GRID_REST * leg.segment.distance and one.speed == two.speed
-            if missing > 0.0 and junction and not is_grid_rest:
+            if missing > 0.0 and junction and not is_grid_rest(leg, one, two):
                 junction.room = max(0.0, junction.tangent - missing)
                 junction.slow_down(junction.speed)
 
     def _remove_grid_rests(self) -> None:
-        """Stretch corners over what is left of a leg only because of the grid of the corners."""
-        for index, (one, two) in enumerate(zip(self.junctions, self.junctions[1:])):
-            left = self._length_left(index + 1)
-            is_grid_rest = 0.0 < left <= GRID_REST * self.legs[index + 1].segment.distance
-            if is_grid_rest and one.speed == two.speed:
-                growing = [corner for corner in corners_of(one, two) if corner.may_grow(left)]
-                # The leg on the other side of the corner must be long enough, too.
-                fitting = [corner for corner in growing if left <= self._length_left(
-                    index if corner is one else index + 2)]
-                for corner in (fitting or growing)[:1]:
-                    corner.stretch(left)
-
-    def _length_left(self, index: int) -> float:
-        """Return what the junctions leave of a leg [m]."""
-        before = self.junctions[index - 1] if index else None
-        after = self.junctions[index] if index < len(self.junctions) else None
-        return length_left(self.legs[index], before, after)
+        """Stretch corners over what is left of legs only because of the grid of the corners."""
+        chain, rests = self.junctions[:1], list[float]()
+        for leg, one, two in zip(self.legs[1:], self.junctions, self.junctions[1:]):
+            if is_grid_rest(leg, one, two):
+                chain.append(two)
+                rests.append(max(0.0, length_left(leg, one, two)))
+            else:
+                stretch_corners(chain, rests)
+                chain, rests = [two], []
+        stretch_corners(chain, rests)
 
     def _build(self) -> list[FlowStep]:
         """Return the planned steps for the speeds at the junctions."""

@@ -15,8 +15,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+import math
 from typing import TypeAlias
 
 from kachaka_simple_control.motion.corner import Corner, CornerTurn, plan_corner
@@ -82,15 +84,18 @@ class CornerJunction:
             self.speed = self.corner.speed if self.corner else 0.0
             self.room = min(self.room, self.tangent)
 
-    def may_grow(self, missing: float) -> bool:
-        """Return whether the tangent may be longer by a little, within the tolerance [m]."""
-        return self.corner is not None and missing <= LARGEST_GROWTH * self.tangent and (
-            self.corner.deviation * (1.0 + missing / self.tangent) <= self.tolerance)
+    @property
+    def growth(self) -> float:
+        """Return by how much ``stretch`` may lengthen the tangent, within the tolerance [m]."""
+        if self.corner is None:
+            return 0.0
+        return self.tangent * min(
+            LARGEST_GROWTH, max(0.0, self.tolerance / self.corner.deviation - 1.0))
 
-    def stretch(self, missing: float) -> None:
+    def stretch(self, length: float) -> None:
         """Lengthen the tangent by a little, at the same linear velocities [m]."""
         assert self.corner is not None
-        self.stretching = 1.0 + missing / self.tangent
+        self.stretching = 1.0 + length / self.tangent
         self.corner = replace(
             self.corner, tangent=self.tangent * self.stretching,
             deviation=self.corner.deviation * self.stretching)
@@ -107,6 +112,8 @@ class ArcJunction:
 
     transition: Transition | None
     speed: float
+    #: a transition cannot be stretched
+    growth = 0.0
 
     @property
     def before(self) -> float:
@@ -129,6 +136,32 @@ class ArcJunction:
 
 #: Either kind of junction.
 Junction: TypeAlias = CornerJunction | ArcJunction
+
+
+def stretch_corners(junctions: Sequence[Junction], rests: Sequence[float]) -> None:
+    """
+    Stretch corners so that nothing is left of the legs between them.
+
+    The two corners of a leg share what is left of it.  So the growth of each corner follows from
+    that of the first one, which is as small as the bounds of all corners allow.  If they allow
+    nothing, no corner is stretched.
+
+    :param junctions: junctions in succession
+    :param rests: what is left of each leg between them [m]
+    """
+    lowest, highest = 0.0, math.inf
+    known, sign = 0.0, 1.0
+    terms = []
+    for junction, rest in zip(junctions, [*rests, 0.0]):
+        # The growth of this corner is known + sign * that of the first one.
+        terms.append((junction, known, sign))
+        bounds = -sign * known, sign * (junction.growth - known)
+        lowest, highest = max(lowest, min(bounds)), min(highest, max(bounds))
+        known, sign = rest - known, -sign
+    for junction, known, sign in terms if lowest <= highest else ():
+        growth = known + sign * lowest
+        if isinstance(junction, CornerJunction) and growth > 0.0:
+            junction.stretch(growth)
 
 
 def corners_of(one: Junction, two: Junction) -> list[CornerJunction]:

@@ -58,6 +58,18 @@ def with_stops(motion: Motion) -> Motion:
     return Motion(motion.name, motion.steps)
 
 
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.floats(5.0, 40.0), min_size=3, max_size=8), st.floats(0.05, 0.3),
+       st.sampled_from((5.0, 10.0, 20.0)))
+def test_corners_that_use_whole_legs_lose_nothing_of_them(angles, tolerance, rate):
+    steps = [Forward(1.0)]
+    for index, angle in enumerate(angles):
+        steps += [Turn((-1) ** index * math.radians(angle)), Forward(1.0)]
+    motion, limits = Motion('zigzag', tuple(steps), corners=tolerance), Limits(1.0, 1.0, 2.0, 1.0)
+    end = plan(with_stops(motion), limits, rate).pose
+    assert apart(end_of(messages(plan(motion, limits, rate).segments)), end) < 1e-9
+
+
 @settings(max_examples=60, deadline=None)
 @given(flows(), FLOW_LIMITS, FLOW_RATES)
 @example(Motion('flow', (
