@@ -35,13 +35,14 @@ from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
-from kachaka_simple_control.control.timing import MAX_LATENESS
+from kachaka_simple_control.control.timing import MAX_LATENESS, rate_problem
 from kachaka_simple_control.errors import MotionRefusedError, MotionRunningError, UsageError
 from kachaka_simple_control.kachaka.bridge_process import OwnSimulation
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.motion.units import require_number
 from kachaka_simple_control.ros.commander import Commander
 from kachaka_simple_control.ros.dds_transport import start_on_this_machine, use_udp_transport
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
@@ -207,7 +208,8 @@ class KachakaSimpleControl(Node):
         :param request: the accepted request for this drive, if another thread has already called
             ``session.request``; None to request the drive now
         :param rate: how often a velocity is sent [Hz]; None for the parameter ``rate``
-        :raises UsageError: if ``motion`` is not a ``Motion``; nothing has moved
+        :raises UsageError: if ``motion`` is not a ``Motion``, or the rate is too low or too high
+            for the robot; nothing has moved
         :raises InvalidMotionError: if the robot cannot drive the motion; nothing has moved
         :raises RobotNotFoundError: if no robot receives the velocities; nothing has moved
         :raises ControlError: if the motion could not be completed; the robot was stopped
@@ -217,10 +219,13 @@ class KachakaSimpleControl(Node):
                 f'run() drives a Motion, not {escaped(repr(motion), 60)}: make one by '
                 "Motion('name', steps), or take one of a file by find('square').motion, from "
                 'kachaka_simple_control.files.library')
+        rate = self.node_parameters.rate if rate is None else require_number('rate', rate, 'Hz')
+        if problem := rate_problem(rate, self.profile.command_timeout, self.profile.name):
+            raise UsageError(f'rate is {problem}')
         if self.node_parameters.corners:
             motion = replace(motion, corners=self.node_parameters.corners)
         driven = self.session.drive(DriveOrder.of(
-            motion, self.profile.planning_limits, rate or self.node_parameters.rate, limits,
+            motion, self.profile.planning_limits, rate, limits,
             self.node_parameters.closed_loop), request)
         self.get_logger().info(
             f'Motion completed: {escaped(motion.name)}, {pluralize(len(driven.steps), "step")}, '

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import math
 from typing import TYPE_CHECKING
 
-from kachaka_simple_control.control.timing import MAX_RATE, min_rate
+from kachaka_simple_control.control.timing import rate_problem
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.motion.units import point_advice, require_number, TOLERANCE
@@ -99,9 +99,7 @@ def choose_settings(options: Options, motion_file: MotionFile | None) -> Setting
               **in_file(motion_file), **given}
     robot, rate = str(values['robot']), require_number('rate', values['rate'], 'Hz')
     profile = find_robot(robot)
-    lowest = min_rate(profile.command_timeout)
-    if not lowest <= rate <= MAX_RATE:
-        text = f'{rate:g} Hz; for {profile.name} it must be from {lowest:g} to {MAX_RATE:g} Hz'
+    if text := rate_problem(rate, profile.command_timeout, profile.name):
         if motion_file is None or motion_file.rate is None or 'rate' in given:
             raise UsageError(f'rate is {text}')
         raise motion_file.error_at('rate', text)

@@ -276,3 +276,17 @@ def min_rate(command_timeout: float) -> float:
     :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
     """
     return 1.0 / (command_timeout - MAX_LATENESS)
+
+
+def rate_problem(rate: float, command_timeout: float, robot: str) -> str:
+    """
+    Return why velocities cannot be sent at a rate, as text; empty if they can.
+
+    :param rate: the rate [Hz]
+    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
+    :param robot: the name of the robot, for the text
+    """
+    lowest = min_rate(command_timeout)
+    if lowest <= rate <= MAX_RATE:
+        return ''
+    return f'{rate:g} Hz; for {robot} it must be from {lowest:g} to {MAX_RATE:g} Hz'

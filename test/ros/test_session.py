@@ -13,6 +13,7 @@
 # limitations under the License.
 """The node inside this process: what it refuses, renews and records."""
 
+import math
 import threading
 import time
 from types import SimpleNamespace
@@ -41,6 +42,12 @@ pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 def test_what_is_no_motion_is_refused_with_what_to_do(make, motion):
     with pytest.raises(UsageError, match=r"drives a Motion, not .*find\('square'\).motion"):
         make().run(motion)
+
+
+@pytest.mark.parametrize('rate', [0.0, 1.0, 2000.0, math.nan])
+def test_a_rate_that_the_robot_cannot_be_driven_at_is_refused(make, rate):
+    with pytest.raises(UsageError, match=r'rate is .* Hz; for kachaka it must be from .* to '):
+        make().run(Motion('ahead', (Forward(0.1),)), rate=rate)
 
 
 @pytest.mark.parametrize('arguments, text', [
