@@ -155,42 +155,47 @@ def frozen(stage: Stage, pids: list[int]) -> Iterator[float]:
 
 def freeze_page(stage: Stage) -> Injected:
     """Freeze the page as a browser does with tabs in the background, and thaw it later."""
-    fault = time.time()
-    stage.browser.command('Page.setWebLifecycleState', state='frozen')
-    time.sleep(FREEZE)
-    stage.browser.command('Page.setWebLifecycleState', state='active')
-    stage.browser.repeat(SETTLING_TIME)
-    return _with_events(stage, Injected(fault), 'freeze')
+    def set_state(state: str) -> None:
+        stage.browser.command('Page.setWebLifecycleState', state=state)
+    return _for_a_while(stage, lambda: set_state('frozen'), lambda: set_state('active'), 'freeze')
 
 
 def hide_tab(stage: Stage) -> Injected:
     """Bring another tab of the window to the front, and the page back later."""
-    fault = time.time()
-    stage.browser.cover(new_window=False)
-    time.sleep(FREEZE)
-    stage.browser.uncover()
-    stage.browser.repeat(SETTLING_TIME)
-    return _with_events(stage, Injected(fault), 'visibilitychange')
+    return _for_a_while(
+        stage, lambda: stage.browser.cover(new_window=False), stage.browser.uncover,
+        'visibilitychange')
 
 
 def minimize(stage: Stage) -> Injected:
     """Minimize the window, and restore it later."""
-    fault = time.time()
-    stage.browser.minimize()
-    time.sleep(FREEZE)
-    stage.browser.restore()
-    stage.browser.repeat(SETTLING_TIME)
-    return _with_events(stage, Injected(fault), 'visibilitychange')
+    return _for_a_while(
+        stage, stage.browser.minimize, stage.browser.restore, 'visibilitychange')
 
 
 def unfocus(stage: Stage) -> Injected:
     """Bring another window to the front, and the page back later."""
+    return _for_a_while(
+        stage, lambda: stage.browser.cover(new_window=True), stage.browser.uncover, 'blur')
+
+
+def _for_a_while(
+        stage: Stage, begin: Callable[[], object], end: Callable[[], object],
+        wanted: str) -> Injected:
+    """
+    Begin something that the browser tells the page, and end it later.
+
+    :param stage: the stage
+    :param begin: begins it
+    :param end: ends it
+    :param wanted: the type of the event that the page gets; without it nothing was tried
+    """
     fault = time.time()
-    stage.browser.cover(new_window=True)
-    time.sleep(SETTLING_TIME)
-    stage.browser.uncover()
+    begin()
+    time.sleep(FREEZE)
+    end()
     stage.browser.repeat(SETTLING_TIME)
-    return _with_events(stage, Injected(fault), 'blur')
+    return _with_events(stage, Injected(fault), wanted)
 
 
 def _with_events(stage: Stage, injected: Injected, wanted: str) -> Injected:

@@ -82,6 +82,14 @@ class RawClient:
         if reads:
             threading.Thread(target=self._read, args=(first,), daemon=True).start()
 
+    def __enter__(self) -> RawClient:
+        """Return it."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the connection."""
+        self.close()
+
     def _shake_hands(self, fields: dict[str, str]) -> bytes:
         lines = ['GET /ws HTTP/1.1', *(f'{name}: {value}' for name, value in fields.items())]
         self._socket.sendall('\r\n'.join([*lines, '', '']).encode())

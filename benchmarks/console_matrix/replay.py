@@ -64,8 +64,7 @@ class ReplayRow:
         """Run one trial."""
         stage.leave_page()
         console = stage.console
-        client = RawClient(console.port).greet()
-        try:
+        with RawClient(console.port).greet() as client:
             client.take()
             time.sleep(REST)
             start, began = _driven(client), time.time()
@@ -82,8 +81,6 @@ class ReplayRow:
             time.sleep(REST)
             replayed, sent_again = relative_to(start, _driven(client)), _displacement(
                 console.recorder.sent_since(began))
-        finally:
-            client.close()
         planned = _difference(*_recorded_and_planned(text))[0]
         distance, angle = _difference(by_hand, replayed)
         on_the_wire = _difference(sent, sent_again)[0]

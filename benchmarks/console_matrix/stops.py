@@ -77,8 +77,8 @@ class StopRow:
         """Run one trial."""
         stage.leave_page()
         console = stage.console
-        driver, stopper = (RawClient(console.port).greet() for _ in range(2))
-        try:
+        with (RawClient(console.port).greet() as driver,
+              RawClient(console.port).greet() as stopper):
             driver.take()
             background: list[AbstractContextManager[None]] = [
                 *([flood(console)] if self.floods else []), busy(self.busy_count)]
@@ -90,9 +90,6 @@ class StopRow:
                 for one in background:
                     stack.enter_context(one)
                 return self._stop(console, stopper, began)
-        finally:
-            driver.close()
-            stopper.close()
 
     def _stop(self, console: ConsoleRun, stopper: RawClient, began: float) -> Trial:
         recorder = console.recorder
@@ -128,8 +125,8 @@ class EarlyStopRow:
         """Run one trial."""
         stage.leave_page()
         console = stage.console
-        driver, stopper = (RawClient(console.port).greet() for _ in range(2))
-        try:
+        with (RawClient(console.port).greet() as driver,
+              RawClient(console.port).greet() as stopper):
             driver.take()
             # After a release the console starts a new process.
             began = self._start(driver, '')
@@ -138,9 +135,6 @@ class EarlyStopRow:
             self._start(driver, MOTION)
             time.sleep(start_time * random.uniform(*PART_OF_START))
             return self._stop(console, driver, stopper, start_time)
-        finally:
-            driver.close()
-            stopper.close()
 
     @staticmethod
     def _start(driver: RawClient, motion: str) -> float:

@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-What the readers of a console cost the drive; ``python -m`` runs this.
+Measure how much the readers of a console delay the velocities of a drive.
 
-A motion is driven at 50 Hz: without a reader; with three WebSocket clients that take every message
-and one that takes none; and with three tabs of Chromium.  Shown is how far the intervals between
-velocities are off the period, from the source timestamps of DDS.
+Run this with ``python -m``.  A motion is driven at 50 Hz: without a reader; with three WebSocket
+clients that take every message and one that takes none; and with three tabs of Chromium.  Shown is
+how far the intervals between velocities are off the period, from the source timestamps of DDS.
 """
 
 from __future__ import annotations

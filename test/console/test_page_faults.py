@@ -13,6 +13,7 @@
 # limitations under the License.
 """What the page of the console shows when something does not work, in a real browser."""
 
+from contextlib import closing
 import os
 import re
 import signal
@@ -41,14 +42,11 @@ def agree(page):
 
 
 def test_a_lost_connection_is_said_in_large_letters_and_ends_the_hand(browser, tmp_path):
-    console = Console(tmp_path)
-    try:
+    with closing(Console(tmp_path)) as console:
         page = Page(browser, console.address).open()
         page.take()
         page.keys().key_down('w').perform()
         time.sleep(0.2)
-    finally:
-        console.close()
     page.wait(lambda: page.find('#lost').is_displayed(), 'that the connection is lost')
     assert page.text('#lost-title') == 'Connection lost'
     assert float(page.find('#lost-title').value_of_css_property('font-size')[:-2]) >= 24.0
@@ -63,31 +61,24 @@ def test_a_lost_connection_is_said_in_large_letters_and_ends_the_hand(browser, t
 
 
 def test_without_odometry_a_stop_is_shown_as_unconfirmed(browser, tmp_path):
-    console = Console(tmp_path, '--no-odometry')
-    try:
+    with closing(Console(tmp_path, '--no-odometry')) as console:
         page = Page(browser, console.address).open()
         page.press(ESCAPE)
         page.wait(lambda: page.text('#stop-result') == 'sent, unconfirmed', 'the outcome')
         assert page.text('#odometry-age') == 'none'
-    finally:
-        console.close()
 
 
 def test_battery_and_errors_of_the_robot_are_shown(browser, tmp_path):
-    console = Console(tmp_path, '--battery=0.15', '--errors=error 21051 (paused)')
-    try:
+    with closing(Console(tmp_path, '--battery=0.15', '--errors=error 21051 (paused)')) as console:
         page = Page(browser, console.address).open()
         page.wait(lambda: page.text('#battery') == '15 %', 'the charge')
         assert page.find('#battery-chip').get_attribute('data-tone') == 'warn'
         assert page.text('#robot-errors') == 'The robot reports: error 21051 (paused)'
         assert page.find('#robot-errors').is_displayed()
-    finally:
-        console.close()
 
 
 def test_why_the_robot_is_not_taken_is_a_fault(browser, tmp_path):
-    console = Console(tmp_path, '--refuse')
-    try:
+    with closing(Console(tmp_path, '--refuse')) as console:
         page = Page(browser, console.address).open()
         page.wait(lambda: page.find('#lease').is_enabled(), 'the lease button')
         page.click('#lease')
@@ -97,13 +88,10 @@ def test_why_the_robot_is_not_taken_is_a_fault(browser, tmp_path):
                         '.getAttribute("aria-live")') == 'assertive'
         page.click('#fault-close')
         assert not page.find('#fault').is_displayed()
-    finally:
-        console.close()
 
 
 def test_after_the_drive_process_has_died_only_a_press_starts_another(browser, tmp_path):
-    console = Console(tmp_path)
-    try:
+    with closing(Console(tmp_path)) as console:
         page = Page(browser, console.address).open()
         page.take()
         pid = int(re.findall(r'process (\d+)', page.text('#log-lines'))[-1])
@@ -120,21 +108,16 @@ def test_after_the_drive_process_has_died_only_a_press_starts_another(browser, t
         page.click('#lease')
         page.wait(lambda: page.text('#state') == 'standing by', 'the new process')
         page.take()
-    finally:
-        console.close()
 
 
 def test_a_release_is_no_fault(browser, tmp_path):
-    console = Console(tmp_path)
-    try:
+    with closing(Console(tmp_path)) as console:
         page = Page(browser, console.address).open()
         page.take()
         page.click('#lease')
         page.wait(lambda: page.text('#state') == 'standing by', 'that the robot is released')
         page.wait(lambda: page.text('#lease-note').startswith('Needed'), 'the lease given up')
         assert page.text('#fault-text') == ''
-    finally:
-        console.close()
 
 
 def test_the_page_connects_again_by_itself(browser, tmp_path):
@@ -143,18 +126,14 @@ def test_the_page_connects_again_by_itself(browser, tmp_path):
     port = page.address.rstrip('/').rpartition(':')[2]
     console.close()
     page.wait(lambda: page.find('#lost').is_displayed(), 'that the connection is lost')
-    console = Console(tmp_path, port=int(port))
-    try:
+    with closing(Console(tmp_path, port=int(port))) as console:
         page.wait(lambda: not page.find('#lost').is_displayed(), 'that it is there again')
         page.wait(lambda: page.text('#state') == 'standing by', 'the state')
         page.take()
-    finally:
-        console.close()
 
 
 def test_geometry(browser, tmp_path):
-    console = Console(tmp_path)
-    try:
+    with closing(Console(tmp_path)) as console:
         page = Page(browser, console.address).open()
         values = page.driver.execute_async_script("""
             const done = arguments[arguments.length - 1];
@@ -172,5 +151,3 @@ def test_geometry(browser, tmp_path):
         assert rounded.startswith('1.03 m')
         assert arrows == [[0.25, 0, 0], [0.75, 0, 0]]
         assert turns == [{'x': 0, 'y': 0, 'from': 0, 'angle': 2, 'end': 2}]
-    finally:
-        console.close()
