@@ -34,7 +34,6 @@ workers_beside_others() {
 }
 marked=${1:+ and ($1)}
 cores=$([ "$WORKERS" = 0 ] && echo 0 || nproc)
-# Without stealing, one core would do the last half minute alone.
 run '(not ros and not real_time)' -n "$cores" --dist worksteal test
 workers=$(workers_beside_others)
 [ "$workers" = "$WORKERS" ] || echo "other programs use the cores: $workers workers, not $WORKERS"
