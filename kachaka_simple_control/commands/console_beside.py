@@ -24,7 +24,6 @@ from kachaka_simple_control.commands.remote_commands import RemoteCommands
 from kachaka_simple_control.commands.remote_reports import ReportWriter
 from kachaka_simple_control.console import protocol
 from kachaka_simple_control.console.console_command import TORNADO_MISSING
-from kachaka_simple_control.control.events import Event, SessionStarted
 from kachaka_simple_control.control.processes import child_environment, python_command
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
@@ -44,10 +43,13 @@ class ConsoleBeside(RemoteCommands):
     :param robot_control: the node that drives the robot
     :param robot: the name or file of the robot's profile, for the plans that the page shows; None
         for the default
+    :param motion_text: the text of the motion file, whose plan the page draws; None without a file
     :raises UsageError: if tornado is missing, or if the console does not start
     """
 
-    def __init__(self, robot_control: KachakaSimpleControl, robot: str | None) -> None:
+    def __init__(
+            self, robot_control: KachakaSimpleControl, robot: str | None,
+            motion_text: str | None) -> None:
         if importlib.util.find_spec('tornado') is None:
             raise UsageError(TORNADO_MISSING)
         commands, for_console = os.pipe()
@@ -61,6 +63,7 @@ class ConsoleBeside(RemoteCommands):
             env=child_environment(), pass_fds=(from_drive, for_console))
         for file in (from_drive, for_console):
             os.close(file)
+        self._motion_text = motion_text
         super().__init__(robot_control, commands, ReportWriter(reports))
 
     def __enter__(self) -> ConsoleBeside:
@@ -70,8 +73,9 @@ class ConsoleBeside(RemoteCommands):
             self.__exit__()
             raise UsageError('the console has not started, so nothing was driven')
         self._robot_control.get_logger().info(f'Console: {link}')
-        self._robot_control.event_bus.subscribe(self._on_session)
         self.start()
+        if self._motion_text is not None:
+            self._writer.write(protocol.MotionText(self._motion_text))
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -93,7 +97,8 @@ class ConsoleBeside(RemoteCommands):
             return ''
         return stdout.readline().decode().removeprefix('ready: ').strip()
 
-    def _on_session(self, event: Event) -> None:
-        """Report the motion, whose plan the page draws."""
-        if isinstance(event, SessionStarted) and event.motion_text is not None:
-            self._writer.write(protocol.MotionText(event.motion_text))
+    def _on_closed(self) -> None:
+        # The drive began in a terminal, so it goes on.
+        if not self._is_over:
+            self._robot_control.get_logger().warning('The console has ended; the drive goes on')
+        os.close(self._source)

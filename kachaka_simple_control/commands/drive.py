@@ -98,7 +98,7 @@ def drive(options: Options) -> DriveLog:
             keys = _keys(robot_control) if is_shown else {}
             for line in describe_overrides(options, motion_file, robot_control.node_parameters):
                 robot_control.get_logger().info(line)
-            stack.enter_context(_console(robot_control, options))
+            stack.enter_context(_console(robot_control, options, motion_file))
             if motion_file is not None:
                 motion_file = with_corners(
                     options, motion_file, robot_control.node_parameters.corners)
@@ -167,13 +167,14 @@ def _remote_control(
 
 
 def _console(
-        robot_control: KachakaSimpleControl,
-        options: Options) -> contextlib.AbstractContextManager[object]:
+        robot_control: KachakaSimpleControl, options: Options,
+        motion_file: MotionFile | None) -> contextlib.AbstractContextManager[object]:
     """Return a context manager for the page beside the drive, if the options request one."""
     if not options.console:
         return contextlib.nullcontext()
     from kachaka_simple_control.commands.console_beside import ConsoleBeside
-    return ConsoleBeside(robot_control, options.robot)
+    return ConsoleBeside(
+        robot_control, options.robot, None if motion_file is None else motion_file.text)
 
 
 def _start_subscribers(

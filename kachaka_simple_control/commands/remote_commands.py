@@ -30,6 +30,7 @@ import time
 
 from kachaka_simple_control.commands.remote_reports import ReportWriter, state_of
 from kachaka_simple_control.console import protocol
+from kachaka_simple_control.control.events import VelocitySent
 from kachaka_simple_control.control.robot_drive import RunProgress, RunState
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import REMOTE_REPORT_PERIOD, REMOTE_STATE_PERIOD
@@ -82,7 +83,8 @@ class RemoteCommands:
 
     def start(self) -> None:
         """Write the report ``robot``, and start the threads."""
-        self._robot_control.event_bus.subscribe(self._writer.on_event)
+        self._robot_control.event_bus.subscribe(
+            self._writer.on_event, wants=lambda event: isinstance(event, VelocitySent))
         self._writer.write(protocol.Robot(
             **self._writer.describe(self._robot_control), is_driven_here=self.IS_DRIVER))
         for target in (self._read_commands, self._write_reports):
@@ -116,9 +118,7 @@ class RemoteCommands:
         """React to any line of the other program."""
 
     def _on_closed(self) -> None:
-        """React to the end of the commands.  A drive that began in a terminal goes on."""
-        if not self._is_over:
-            self._robot_control.get_logger().warning('The console has ended; the drive goes on')
+        """React to the end of the commands."""
 
     def _execute_line(self, line: bytes) -> None:
         try:

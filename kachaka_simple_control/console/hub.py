@@ -267,7 +267,7 @@ class Hub:
         if not for_all and not page.may_drive:
             return ONLY_LOOK
         if self._robot is not None and not self._robot.is_driven_here:
-            return BESIDE if isinstance(message, (Lease, Record, RunMotion)) else ''
+            return BESIDE if isinstance(message, (Lease, Start, Record, RunMotion)) else ''
         needs_lease = isinstance(message, (
             Take, Release, RunMotion, Resume, Speed, Record))
         return NO_LEASE if needs_lease and self.lease.holder is not page else ''

@@ -355,13 +355,3 @@ def read_page_message(text: str | bytes) -> Message:
     :raises MessageError: if the text is no valid message
     """
     return from_json(text, PAGE_MESSAGES)
-
-
-def read_console_message(text: str | bytes) -> Message:
-    """
-    Read a message to the page, as a test or another client does.
-
-    :param text: the message
-    :raises MessageError: if the text is no valid message
-    """
-    return from_json(text, CONSOLE_MESSAGES, MAX_SENT)

@@ -17,10 +17,13 @@ import contextlib
 import os
 import re
 import signal
+import socket
 import sys
 
 from benchmarks.console_matrix.raw_client import RawClient
+from kachaka_simple_control.console.console_command import PORT
 from kachaka_simple_control.control.processes import is_running
+from kachaka_simple_control.errors import UsageError
 from program import children_of, COMMAND, environment, find_process, Program
 import pytest
 from waiting import poll, wait_until
@@ -54,7 +57,12 @@ def console_of(program):
 
 
 def test_a_page_beside_a_drive_shows_holds_and_stops_it(tmp_path):
-    with drive(tmp_path, 20.0) as (program, client):
+    with contextlib.ExitStack() as stack:
+        # Somebody else may listen at its port.
+        with contextlib.suppress(OSError):
+            stack.enter_context(socket.create_server(('127.0.0.1', PORT)))
+        program, client = stack.enter_context(drive(tmp_path, 20.0))
+        assert client.state['start'] == pytest.approx([0.0, 0.0, 0.0], abs=1e-3)
         client.until(lambda: 'driven' in client.messages)
         assert client.messages['driven']['plan']['points'][-1] == [20.0, 0.0, 0.0]
         assert client.messages['welcome']['robot']['is_driven_here'] is False
@@ -92,6 +100,13 @@ def test_the_drive_goes_on_without_its_console(tmp_path, signum):
         assert ('The console has ended; the drive goes on' in program.text) == (
             signum == signal.SIGKILL)
         assert not is_running(console)
+
+
+def test_without_tornado_a_sentence_says_what_to_install(monkeypatch):
+    from kachaka_simple_control.commands.console_beside import ConsoleBeside
+    monkeypatch.setattr('importlib.util.find_spec', lambda _: None)
+    with pytest.raises(UsageError, match=r'the page needs tornado, .*pip install'):
+        ConsoleBeside(None, None, None)
 
 
 def test_a_drive_without_it_needs_nothing_of_the_console():

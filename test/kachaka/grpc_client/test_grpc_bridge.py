@@ -167,6 +167,14 @@ def test_a_simulated_robot_and_its_bridge_tell_charge_and_errors(probe, namespac
     with real_bridge(robot.address, '--namespace', namespace):
         robot.ask('errors 7 8')
         assert wait_until(lambda: info.errors == 'error 7; error 8')
+    # The maker's bridge has a topic for them.
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+    publisher = probe.node.create_publisher(
+        DiagnosticArray, f'{namespace}/diagnostics/error_status', 10)
+    message = DiagnosticArray(status=[
+        DiagnosticStatus(level=b'\2', name='21051', message='Paused'),
+        DiagnosticStatus(level=b'\0', name='1', message='Nothing')])
+    assert wait_until(lambda: publisher.publish(message) or info.errors == '21051 Paused')
 
 
 def test_odometry_is_fetched_only_for_subscribers(probe, namespace):
