@@ -27,8 +27,8 @@ import json
 import math
 from typing import Any
 
+from kachaka_simple_control.control.diagnosis import Diagnosis, Level
 from kachaka_simple_control.control.timing import CONNECTION_TIMEOUT
-from kachaka_simple_control.telemetry.diagnosis import Diagnosis, Level
 from kachaka_simple_control.text import escaped
 
 SUCCESS = 0

@@ -25,7 +25,7 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity
 if TYPE_CHECKING:
     from builtin_interfaces.msg import Time
     from diagnostic_msgs.msg import DiagnosticArray
-    from kachaka_simple_control.telemetry.diagnosis import Diagnosis
+    from kachaka_simple_control.control.diagnosis import Diagnosis
     from nav_msgs.msg import Odometry
 
 

@@ -28,6 +28,7 @@ from typing import Any
 
 from geometry_msgs.msg import TwistStamped
 from kachaka_simple_control.analysis.paths import MAX_POSES, PoseHistory, sample_path
+from kachaka_simple_control.control.diagnosis import Diagnosis
 from kachaka_simple_control.control.events import (
     Event,
     MotionStarted,
@@ -48,7 +49,6 @@ from kachaka_simple_control.ros.names import (
 )
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.telemetry.cdr import PathSerializer
-from kachaka_simple_control.telemetry.diagnosis import Diagnosis
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.publisher import Publisher

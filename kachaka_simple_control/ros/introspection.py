@@ -19,6 +19,7 @@ from collections.abc import Callable
 import time
 from typing import Any
 
+from kachaka_simple_control.control.diagnosis import Diagnosis
 from kachaka_simple_control.control.events import (
     Event,
     MotionPlanned,
@@ -44,7 +45,6 @@ from kachaka_simple_control.ros.names import (
 )
 from kachaka_simple_control.ros.session_status import diagnose, StatusReader
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
-from kachaka_simple_control.telemetry.diagnosis import Diagnosis
 from kachaka_simple_control.telemetry.event_bus import EventBus
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from kachaka_simple_control.control.diagnosis import Diagnosis, Level
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.robot_drive import RobotDrive, RunProgress, RunState
 from kachaka_simple_control.control.standstill import StandstillDetector
@@ -25,7 +26,6 @@ from kachaka_simple_control.control.velocity_gate import GateState
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
-from kachaka_simple_control.telemetry.diagnosis import Diagnosis, Level
 
 #: Odometry older than this causes a warning [s]: it usually arrives 10 times per second or more.
 ODOMETRY_WARN_AGE = 1.0

@@ -17,10 +17,10 @@ from __future__ import annotations
 
 import dataclasses
 
+from kachaka_simple_control.control.diagnosis import Level
 from kachaka_simple_control.control.robot_drive import RunProgress
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.telemetry.diagnosis import Level
 from optional_libraries import MISSING, optional_imports
 from plans import ABRUPT
 import pytest

@@ -25,6 +25,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from kachaka_simple_control.control.diagnosis import Level
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.bridge_node import BridgeNode
 from kachaka_simple_control.kachaka.grpc_client.client import ConnectedRobot
@@ -44,7 +45,6 @@ from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.executors import ExecutorLoop, SubscriptionExecutor
 from kachaka_simple_control.ros.names import DIAGNOSTICS
-from kachaka_simple_control.telemetry.diagnosis import Level
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
 

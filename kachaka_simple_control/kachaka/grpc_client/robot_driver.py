@@ -26,6 +26,7 @@ import threading
 import time
 from typing import Any, TYPE_CHECKING
 
+from kachaka_simple_control.control.diagnosis import Level
 from kachaka_simple_control.control.timing import SHUTDOWN_RPC_TIMEOUT
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
@@ -41,7 +42,6 @@ from kachaka_simple_control.kachaka.robot_status import (
     RpcFailure,
     RpcResult,
 )
-from kachaka_simple_control.telemetry.diagnosis import Level
 from kachaka_simple_control.text import escaped
 
 if TYPE_CHECKING:

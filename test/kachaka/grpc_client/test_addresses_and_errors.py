@@ -20,12 +20,12 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
+from kachaka_simple_control.control.diagnosis import Level
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
 from kachaka_simple_control.kachaka.program import Address
 from kachaka_simple_control.kachaka.robot_status import ErrorText, ErrorTexts
 from kachaka_simple_control.motion.geometry import Velocity
-from kachaka_simple_control.telemetry.diagnosis import Level
 import pytest
 
 LIMITS = KACHAKA.limits

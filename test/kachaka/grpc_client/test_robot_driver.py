@@ -21,6 +21,7 @@ import sys
 import threading
 import time
 
+from kachaka_simple_control.control.diagnosis import Level
 from kachaka_simple_control.control.timing import CONNECTION_TIMEOUT
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import VelocityCommand
@@ -38,7 +39,6 @@ from kachaka_simple_control.kachaka.robot_status import (
     RpcFailure,
     RpcResult,
 )
-from kachaka_simple_control.telemetry.diagnosis import Level
 import pytest
 
 OK, LATE = RpcResult(code=0), RpcResult(failure=RpcFailure.LATE, text='no answer within 0.3 s')
