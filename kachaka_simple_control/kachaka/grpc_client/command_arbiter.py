@@ -27,6 +27,7 @@ from kachaka_simple_control.control.timing import (
     MAX_CONSECUTIVE_TIMEOUTS,
     MAX_STREAM_PERIOD,
     REARM_IDLE_TIME,
+    STOP_REPEAT_PERIOD,
     STOP_RPC_TIMEOUT,
     STREAM_TIMEOUT,
 )
@@ -274,7 +275,8 @@ class CommandArbiter:
 
     A motion is sent only when no other call is in progress.  A stop is sent at once.  If a motion
     call is in progress at that time, the robot can receive the stop before the motion.  Therefore,
-    the stop is sent again after the motion call, unless a newer motion waits.
+    the stop is sent again after the motion call, unless a newer motion waits.  A stop that fails
+    is also sent again, until the robot has executed it or a newer velocity is received.
 
     If the robot refuses a motion because its manual control is off, manual control is enabled and
     the motion is sent again.  After one of the following faults, motions are ignored until the
@@ -294,6 +296,9 @@ class CommandArbiter:
         self._stream = StreamTimeout()
         self._in_flight: list[RpcRequest] = []
         self._overtaken: RpcRequest | None = None
+        #: when to send a stop again that the robot could not execute [s, steady clock]; None if
+        #: there is no such stop
+        self._retry_stop_at: float | None = None
         self._must_enable = False
         self._is_connected = False
         self._timeouts = 0
@@ -321,7 +326,8 @@ class CommandArbiter:
         A stop is due at this time, unless a velocity is received earlier.  None means that
         ``next_request()`` must be called again only after a command or a response is received.
         """
-        return self._stream.end
+        times = [time for time in (self._stream.end, self._retry_stop_at) if time is not None]
+        return min(times, default=None)
 
     def on_command(self, command: VelocityCommand) -> None:
         """
@@ -338,6 +344,7 @@ class CommandArbiter:
             self.is_blocked = False
         if command.is_stop or not self.is_blocked:
             self._stream.on_command(command.is_stop, command.time)
+            self._retry_stop_at = None
             self._latest.put(command)
 
     def next_request(self, now: float) -> RpcRequest | None:
@@ -349,7 +356,9 @@ class CommandArbiter:
 
         :param now: the current time [s, steady clock]
         """
-        if self._stream.has_expired(now):
+        if self._stream.has_expired(now) or (
+                self._retry_stop_at is not None and now >= self._retry_stop_at):
+            self._retry_stop_at = None
             self._latest.request_stop()
         if not self._is_connected:
             return None
@@ -368,7 +377,7 @@ class CommandArbiter:
         """
         self._in_flight.remove(request)
         if request.kind is RpcKind.STOP:
-            self._on_stop_response(result)
+            self._on_stop_response(result, now)
         elif request.kind is RpcKind.ENABLE:
             self._on_enable_response(result)
         else:
@@ -447,8 +456,11 @@ class CommandArbiter:
         self.may_move = True
         return RpcRequest(RpcKind.MOTION, command, self._command_timeout)
 
-    def _on_stop_response(self, result: RpcResult) -> None:
-        if not result.got_response:
+    def _on_stop_response(self, result: RpcResult, now: float) -> None:
+        if result.failure is RpcFailure.FAILED:
+            # Not at once: the call may have failed without reaching the robot, and fail so again.
+            self._retry_stop_at = now + STOP_REPEAT_PERIOD if self.may_move else None
+        elif not result.got_response:
             self._latest.request_stop()
         elif not self._in_flight and not self._latest.stop_pending:
             self.may_move = False

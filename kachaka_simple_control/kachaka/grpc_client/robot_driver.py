@@ -20,6 +20,7 @@ They send velocities to the robot, get its odometry and errors, and write log me
 from __future__ import annotations
 
 from collections.abc import Callable
+import contextlib
 import math
 import queue
 import threading
@@ -175,15 +176,20 @@ class RobotDriver:
             self._is_over = True
             self._changed.notify_all()
             may_move, has_control = self._arbiter.may_move, self._has_control
-        if may_move:
-            self._client.set_velocity(0.0, 0.0, SHUTDOWN_RPC_TIMEOUT)
+        # Each call may stop the robot, so an error in one of them must not prevent the next.
+        ignored = contextlib.suppress(Exception)
+        with ignored:
+            if may_move:
+                self._client.set_velocity(0.0, 0.0, SHUTDOWN_RPC_TIMEOUT)
         for worker in self._workers:
             worker.join(SHUTDOWN_RPC_TIMEOUT)
-        if may_move:
-            # Stop again, because a motion call may have been in progress.
-            self._client.set_velocity(0.0, 0.0, SHUTDOWN_RPC_TIMEOUT)
-        if has_control:
-            self._client.set_manual_control(False, SHUTDOWN_RPC_TIMEOUT)
+        with ignored:
+            if may_move:
+                # Stop again, because a motion call may have been in progress.
+                self._client.set_velocity(0.0, 0.0, SHUTDOWN_RPC_TIMEOUT)
+        with ignored:
+            if has_control:
+                self._client.set_manual_control(False, SHUTDOWN_RPC_TIMEOUT)
         self._client.close()
 
     def _work(self) -> None:

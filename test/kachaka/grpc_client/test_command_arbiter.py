@@ -21,6 +21,7 @@ from kachaka_simple_control.control.timing import (
     MAX_CONSECUTIVE_TIMEOUTS,
     MAX_STREAM_PERIOD,
     REARM_IDLE_TIME,
+    STOP_REPEAT_PERIOD,
     STREAM_TIMEOUT,
 )
 from kachaka_simple_control.files.robot_profile import KACHAKA
@@ -39,6 +40,7 @@ OK = RpcResult(code=0)
 NO_CONTROL = RpcResult(code=13151)
 REFUSED = RpcResult(code=21051)
 LATE = RpcResult(failure=RpcFailure.LATE)
+FAILED = RpcResult(failure=RpcFailure.FAILED)
 GONE = RpcResult(failure=RpcFailure.GONE)
 
 
@@ -289,6 +291,44 @@ def test_a_stop_without_a_response_is_sent_again(arbiter):
     arbiter.on_command(stop(0.0))
     arbiter.on_response(sent(arbiter, 0.0), LATE, 1.0)
     assert sent(arbiter, 1.0).kind is RpcKind.STOP
+
+
+@pytest.fixture
+def failed(arbiter):
+    """Return an arbiter whose robot moves, and could not execute a stop at 1 s."""
+    arbiter.on_command(motion(0.0))
+    arbiter.on_response(sent(arbiter, 0.0), OK, 0.1)
+    arbiter.on_command(stop(1.0))
+    arbiter.on_response(sent(arbiter, 1.0), FAILED, 1.0)
+    return arbiter
+
+
+def test_a_stop_that_failed_is_sent_again_until_it_is_done(failed):
+    for now in (1.0 + STOP_REPEAT_PERIOD, 1.0 + 2 * STOP_REPEAT_PERIOD):
+        assert failed.may_move
+        assert failed.next_request(now - 1e-6) is None, 'it may fail at once again'
+        assert failed.next_check == pytest.approx(now)
+        again = sent(failed, now + 1e-9)
+        assert again.kind is RpcKind.STOP
+        failed.on_response(again, FAILED, now)
+    now = 1.0 + 3 * STOP_REPEAT_PERIOD
+    failed.on_response(sent(failed, now + 1e-9), OK, now)
+    assert not failed.may_move
+    assert failed.next_check is None
+
+
+def test_a_newer_motion_replaces_a_stop_that_failed(failed):
+    failed.on_command(motion(1.01))
+    assert sent(failed, 1.01).kind is RpcKind.MOTION
+    assert failed.next_request(2.0) is None
+    assert failed.next_check is None
+
+
+def test_a_zero_that_failed_is_not_repeated_to_a_robot_at_rest(arbiter):
+    arbiter.on_command(stop(0.0))
+    arbiter.on_response(sent(arbiter, 0.0), FAILED, 0.0)
+    assert arbiter.next_check is None
+    assert arbiter.next_request(9.0) is None
 
 
 def test_a_robot_slower_than_its_command_timeout_is_stopped_then_blocked(arbiter):

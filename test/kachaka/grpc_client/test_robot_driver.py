@@ -195,8 +195,18 @@ def test_an_unexpected_exception_does_not_prevent_the_zero(robot, client, logged
     client.error = OSError('out of everything')
     send(robot)
     assert client.next_call() == (0.5, 0.0)
-    assert client.next_call() == (0.0, 0.0)
+    # Nor does the exception of one zero prevent the next.
+    assert [client.next_call(), client.next_call()] == [(0.0, 0.0), (0.0, 0.0)]
     assert 'OSError: out of everything' in logged[0]
+
+
+def test_an_exception_at_the_end_does_not_prevent_the_other_calls(robot, client):
+    assert robot.set_manual_control(True).is_success
+    send(robot)
+    assert [client.next_call(), client.next_call()] == [True, (0.5, 0.0)]
+    client.error = OSError('out of everything')
+    robot.close()
+    assert [client.next_call() for _ in range(4)] == [(0.0, 0.0), (0.0, 0.0), False, 'closed']
 
 
 def test_calls_cancelled_by_close_are_no_lost_connection(robot, logged):
