@@ -26,7 +26,7 @@ from kachaka_simple_control.console import protocol
 from kachaka_simple_control.control.events import Event, VelocityKind, VelocitySent
 from kachaka_simple_control.control.robot_drive import RunProgress, RunState
 from kachaka_simple_control.control.speed_factor import product
-from kachaka_simple_control.control.timing import REMOTE_WRITE_TIMEOUT
+from kachaka_simple_control.control.timing import ODOMETRY_MAX_AGE, REMOTE_WRITE_TIMEOUT
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
 from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 from kachaka_simple_control.ros.session import Session
@@ -141,16 +141,20 @@ def state_of(
         done = min(1.0, progress.plan_time / plan.duration) if plan.duration else 1.0
         speed = product(factors)
         remaining = (plan.duration - progress.plan_time) / speed if speed else None
-    age = session.odometry.age(time.monotonic())
+    now = time.monotonic()
+    age = session.odometry.age(now)
     return protocol.State(
-        state=_state_name(progress, velocity, is_taken, is_by_hand, reason),
+        state='stopping' if session.is_stopping and not is_taken else _state_name(
+            progress, velocity, is_taken, is_by_hand, reason),
         motion=progress.title if plan is not None else None,
         step=number or None, steps=count or None, progress=_rounded(done, 3),
         remaining=_rounded(remaining, 1), factors=factors,
         start=None if plan is None else _pose(progress.start),
         planned=_pose(progress.planned_pose),
         driven=_pose(session.pose), velocity=(velocity.linear_x, velocity.angular_z),
-        odometry_age=_rounded(age, 1), reason=reason)
+        odometry_age=_rounded(age, 1), reason=reason,
+        is_still=None if age is None or age > ODOMETRY_MAX_AGE else (
+            session.odometry.still_since(now) is not None))
 
 
 def _state_name(

@@ -279,7 +279,8 @@ class DriveProcess:
         found = _LEVEL.search(text)
         level = _LEVELS[found[1]] if found else 'info'
         text = escaped(text, MAX_TEXT)
-        if level != 'debug':
+        # A line without a level is of Python or the system: an error, too.
+        if found is None or level in ('warning', 'error'):
             self._errors.append(text)
         self._on_report(Log(level, text))
         # A terminal shows the same, unless it is held (Ctrl+S): that must not hold the console.

@@ -89,6 +89,8 @@ LOG_LENGTH = 50
 MAX_STOP = 200
 #: In these states the robot is held, and no motion is driven.
 HELD_STATES = ('ready', 'driving by hand')
+#: In these states the robot is released when nobody has driven it for a while.
+IDLE_STATES = (*HELD_STATES, 'paused')
 #: In these states the lease does not end by itself.
 BUSY_STATES = ('taking', 'driving', 'paused', 'stopping')
 NO_LEASE = 'this page does not drive: ask for the lease first'
@@ -462,9 +464,11 @@ class Hub:
             self._lose_lease(holder)
             self._was_given_up = True
             self._log('info', f'the lease has ended: no input for {IDLE_TIME:g} s')
+        # A motion that is paused ends with the release: another page may still go on with it.
         is_alone = self.lease.holder is None and (
-            self._was_given_up or now - self.lease.free_since >= IDLE_TIME)
-        if is_alone and self._state.state in HELD_STATES and not self._is_releasing:
+            (now - self.lease.free_since >= IDLE_TIME and self._state.state in IDLE_STATES)
+            or (self._was_given_up and self._state.state in HELD_STATES))
+        if is_alone and not self._is_releasing:
             self._is_releasing = True
             self.drive.released()
         self._show()

@@ -281,6 +281,8 @@ class State(Report):
     :param robot_errors: the errors that the robot reports; None if there are none, or the robot
         does not tell
     :param reason: why the last motion ended, or why the process stops
+    :param is_still: whether odometry shows that the robot stands still; None without recent
+        odometry
     """
 
     TYPE: ClassVar[str] = 'state'
@@ -299,6 +301,7 @@ class State(Report):
     battery: Annotated[float, Range(0.0, 1.0)] | None = None
     robot_errors: str | None = None
     reason: str | None = None
+    is_still: bool | None = None
 
 
 @dataclass(frozen=True)

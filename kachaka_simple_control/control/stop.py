@@ -112,6 +112,11 @@ class StopController:
         """Whether the newest drive was stopped completely; also True if no drive has begun yet."""
         return self._stopped is self._gate.run
 
+    @property
+    def is_stopping(self) -> bool:
+        """Whether the zero velocities of a stop are being sent now."""
+        return self._lock.locked()
+
     def stop(self, reason: ControlError | None, only: Run | None = None) -> str | None:
         """
         Stop the newest run, and wait until all zero velocities of the stop were sent.

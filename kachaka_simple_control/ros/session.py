@@ -343,6 +343,11 @@ class Session:
         return ('nothing was sent: the robot had been stopped before' if was_stopped
                 else 'the robot was stopped')
 
+    @property
+    def is_stopping(self) -> bool:
+        """Whether this node sends the zero velocities of a stop now."""
+        return self._stopper.is_stopping
+
     def stop_permanently(self, reason: errors.ControlError) -> None:
         """
         Stop the robot, and refuse every later motion of this node.

@@ -75,8 +75,10 @@ def test_a_page_beside_a_drive_shows_holds_and_stops_it(tmp_path):
                     or 'another program drives' in answer['text']) == (False, True)
         assert client.ask('speed', factor=0.5)['is_done']
         client.until(lambda: client.state['factors'] == {'override': 0.5})
+        client.until(lambda: client.state['is_still'] is False)
         assert client.ask('pause')['is_done']
         client.until(lambda: client.state['state'] == 'paused' and not client.state['velocity'][0])
+        client.until(lambda: client.state['is_still'])
         assert client.ask('resume')['is_done']
         client.until(lambda: client.state['state'] == 'driving' and client.state['velocity'][0])
         answer = client.ask('stop')

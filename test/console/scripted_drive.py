@@ -177,7 +177,10 @@ class ScriptedDrive:
             for stop_id in self.stop_ids:
                 self._write(Answer(stop_id, True, 'the robot stands still', is_confirmed))
             self.stop_ids.clear()
-            self._set(state='ready' if self.is_taken else 'standing by')
+            if self.options.stopped is None:
+                self._set(state='ready' if self.is_taken else 'standing by')
+            else:
+                self._set(state='stopped', is_still=json.loads(self.options.stopped))
         x, y, theta = self.pose
         linear_x, angular_z = self.velocity
         self.pose = (x + linear_x * math.cos(theta) * PERIOD,
@@ -253,6 +256,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--duration', type=float, default=4.0, help='of a motion [s]')
     parser.add_argument('--no-odometry', action='store_true')
     parser.add_argument('--battery', type=float, default=0.8, help='its charge')
+    parser.add_argument('--stopped', help='what odometry shows after a stop: true, false, null')
     parser.add_argument('--errors', default='', help='the errors that the robot reports')
     parser.add_argument('--report', help='write a report to this folder at the end')
     parser.add_argument('--refuse', action='store_true', help='refuse to take the robot')

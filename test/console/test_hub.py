@@ -165,6 +165,31 @@ def test_after_a_page_is_closed_another_has_a_minute_to_go_on():
     run(scenario)
 
 
+@pytest.mark.parametrize('is_closed', [True, False])
+def test_a_paused_robot_that_nobody_drives_is_released_after_a_minute(is_closed):
+    async def scenario(hub: Hub, now: list[float]) -> None:
+        page = await taken(hub)
+        other = FakePage(hub)
+        assert await page.ask(RunMotion(3, text='steps: []'))
+        await page.until(lambda: page.state['state'] == 'driving')
+        assert await page.ask(Pause(4))
+        await page.until(lambda: page.state['state'] == 'paused')
+        if is_closed:
+            hub.close_page(page)
+        else:
+            assert await page.ask(Lease(5, False))
+        await other.until(lambda: other.state.get('driver') == 'nobody')
+        now[0] += IDLE_TIME - 1.0
+        hub.tick()
+        await asyncio.sleep(0.2)
+        assert 'paused' == other.state['state']
+        now[0] += 1.0
+        hub.tick()
+        await other.until(lambda: other.state['state'] == 'standing by')
+
+    run(scenario)
+
+
 def test_the_robot_is_released_only_after_a_motion_that_is_driven():
     async def scenario(hub: Hub, now: list[float]) -> None:
         page = await taken(hub)

@@ -137,6 +137,21 @@ def emulate(command, **values):
     return lambda page: page.driver.execute_cdp_cmd(command, values)
 
 
+def repeat_key(page):
+    """Hold a key as a keyboard does: it is repeated until a menu of the browser has it."""
+    for is_repeated in [False] + 12 * [True]:
+        page.driver.execute_cdp_cmd('Input.dispatchKeyEvent', {
+            'type': 'keyDown', 'key': W, 'code': 'KeyW', 'windowsVirtualKeyCode': 87,
+            'autoRepeat': is_repeated})
+        time.sleep(0.04)
+
+
+def leave_with_pointer(page):
+    for x in (100, -100):
+        page.driver.execute_cdp_cmd(
+            'Input.dispatchMouseEvent', {'type': 'mouseMoved', 'x': x, 'y': 100})
+
+
 def dispatch(target, kind):
     return lambda page: page.run(f'{target}.dispatchEvent(new Event("{kind}"))')
 
@@ -147,6 +162,10 @@ def dispatch(target, kind):
     pytest.param(hold_key, dispatch('window', 'blur'), id='blur'),
     pytest.param(hold_key, dispatch('window', 'pagehide'), id='pagehide'),
     pytest.param(hold_key, emulate('Page.setWebLifecycleState', state='frozen'), id='frozen'),
+    pytest.param(hold_key, lambda page: page.keys().context_click(page.find('h1')).perform(),
+                 id='a menu'),
+    pytest.param(hold_key, lambda page: page.click('#choice'), id='a list'),
+    pytest.param(hold_key, leave_with_pointer, id='the pointer leaves'),
     pytest.param(hold_stick, lambda page: page.touch('touchEnd'), id='finger lifted'),
     pytest.param(hold_stick, lambda page: page.touch('touchCancel'), id='pointercancel'),
     pytest.param(hold_stick, new_window('tab'), id='another tab, finger down')])
@@ -161,6 +180,19 @@ def test_the_end_of_a_hold_sends_one_zero_at_once_and_nothing_after_it(page, hol
     assert len(hands) > before
     assert [is_zero(hand) for hand in hands] == [True] + (len(hands) - 2) * [False] + [True]
     assert hands[-1]['time'] - hands[-2]['time'] < 0.15
+    page.let_go()
+
+
+def test_a_key_that_is_no_longer_repeated_ends_the_hold(page):
+    """A menu of the browser takes its release, and tells the page nothing."""
+    page.take()
+    repeat_key(page)
+    held = page.sent('hand')
+    assert not is_zero(held[-1])
+    page.wait(lambda: 'the key was not repeated' in page.text('#hand-state'), 'why it ended', 2.0)
+    hands = page.sent('hand')
+    assert is_zero(hands[-1])
+    assert hands[-1]['time'] - held[-1]['time'] < 1.0
     page.let_go()
 
 
@@ -267,6 +299,17 @@ def test_a_gamepad_drives_while_its_shoulder_button_is_held(page):
     hands = page.sent('hand')
     assert [is_zero(hand) for hand in hands] == [True] + (len(hands) - 2) * [False] + [True]
     assert 'the gamepad is gone' in page.text('#hand-state')
+    # It returns with the button held: that is no new press.
+    page.run('pad.connected = true; const event = new Event("gamepadconnected");'
+             'event.gamepad = pad; dispatchEvent(event)')
+    time.sleep(0.3)
+    assert len(page.sent('hand')) == len(hands)
+    page.run('pad.buttons[4].pressed = false')
+    time.sleep(0.1)
+    page.run('pad.buttons[4].pressed = true')
+    page.wait(lambda: page.text('#state') == 'driving by hand', 'that the robot is driven')
+    page.run('pad.connected = false')
+    page.wait(lambda: page.text('#state') == 'ready', 'that the robot stands')
     page.run(GAMEPAD.replace('pressed: false', 'pressed: true'))
     page.wait(lambda: page.text('#stop-result') == 'stopped (odometry confirms)', 'the outcome')
     assert len(page.sent('stop')) == 1
@@ -294,6 +337,12 @@ def stop_button(page):
     page.click('#stop')
 
 
+def stop_in_a_list(page):
+    # The browser closes the list, and tells the page only that the key is released.
+    page.driver.execute_cdp_cmd('Input.dispatchKeyEvent', {
+        'type': 'keyUp', 'key': 'Escape', 'code': 'Escape', 'windowsVirtualKeyCode': 27})
+
+
 def stop_by(key, selector=None):
     def press(page):
         if selector is not None:
@@ -307,6 +356,7 @@ def stop_by(key, selector=None):
     pytest.param(stop_by(ESCAPE), id='escape'),
     pytest.param(stop_by(ESCAPE, '#text'), id='escape in a text'),
     pytest.param(stop_by(ESCAPE, '#speed'), id='escape on a slider'),
+    pytest.param(stop_in_a_list, id='escape in an open list'),
     pytest.param(stop_by(SPACE), id='space'),
     pytest.param(stop_by(SPACE, '#log-lines'), id='space on the log'),
     pytest.param(stop_by(SPACE, '#stop'), id='space on the button'),

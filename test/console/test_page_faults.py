@@ -68,6 +68,42 @@ def test_without_odometry_a_stop_is_shown_as_unconfirmed(browser, tmp_path):
         assert page.text('#odometry-age') == 'none'
 
 
+@pytest.mark.parametrize('is_still, text, tone', [
+    ('true', 'stopped', 'good'), ('false', 'still moving', 'bad'), ('null', 'stop sent', 'warn')])
+def test_stopped_is_shown_only_when_odometry_shows_it(browser, tmp_path, is_still, text, tone):
+    with closing(Console(tmp_path, f'--stopped={is_still}')) as console:
+        page = Page(browser, console.address).open()
+        page.press(ESCAPE)
+        page.wait(lambda: page.text('#state') == text, 'the state')
+        assert page.find('#state').get_attribute('data-tone') == tone
+
+
+def test_a_stop_closes_the_question_about_the_floor(browser, tmp_path):
+    with closing(Console(tmp_path)) as console:
+        page = Page(browser, console.address).open()
+        page.wait(lambda: page.find('#lease').is_enabled(), 'the lease button')
+        page.click('#lease')
+        page.wait(lambda: page.find('#ask').is_displayed(), 'the question')
+        page.click('#ask-stop')
+        page.wait(lambda: not page.find('#ask').is_displayed(), 'no question')
+        page.wait(lambda: page.text('#stop-result'), 'the outcome')
+        assert page.text('#state') == 'standing by'
+
+
+def test_an_old_line_of_the_log_has_its_own_time(browser, tmp_path):
+    with closing(Console(tmp_path)) as console:
+        page = Page(browser, console.address).open()
+        shown, expected = page.driver.execute_async_script("""
+            const done = arguments[arguments.length - 1];
+            import('/messages.js').then(({Log}) => {
+                const list = document.createElement('ol');
+                new Log(list, list).add('info', '[INFO] [1000000000.5] [node]: long ago');
+                done([list.querySelector('time').textContent,
+                      new Date(1000000000500).toTimeString().slice(0, 8)]);
+            });""")
+        assert shown == expected
+
+
 def test_battery_and_errors_of_the_robot_are_shown(browser, tmp_path):
     with closing(Console(tmp_path, '--battery=0.15', '--errors=error 21051 (paused)')) as console:
         page = Page(browser, console.address).open()

@@ -37,6 +37,8 @@ export class Gamepads {
   join(gamepad) {
     if (this.index !== null) return;
     this.index = gamepad.index;
+    // It may have been gone for a moment, with the button held.
+    this.mustLetGo = true;
     this.label.textContent = 'Gamepad ready: hold a shoulder button';
     requestAnimationFrame(() => this.read());
   }

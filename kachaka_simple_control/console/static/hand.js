@@ -51,8 +51,9 @@ export class Hand extends EventTarget {
   }
 
   /**
-   * Add a source of directions; its `reset()` is called when a hold ends without letting go.
-   * @param {{reset: function(): void}} source
+   * Add a source of directions; its `reset()` is called when a hold ends without letting go, and
+   * its `check()`, if it has one, before each velocity.
+   * @param {{reset: function(): void, check: (function(): void)|undefined}} source
    */
   add(source) {
     this.sources.push(source);
@@ -157,7 +158,8 @@ export class Hand extends EventTarget {
       this.end('stamps of the robot are late');
       return;
     }
-    if (this.connection.backlog > MOST_WAITING) return;
+    for (const source of this.sources) source.check?.();
+    if (this.holder === null || this.connection.backlog > MOST_WAITING) return;
     this.sendVelocity(...this.velocity());
   }
 

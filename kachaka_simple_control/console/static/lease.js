@@ -4,7 +4,7 @@
 import {setText} from './dom.js';
 
 /** The states in which the robot is not held. */
-const FREE = ['standing by', 'stopped', 'ended'];
+export const FREE = ['standing by', 'stopping', 'stopped', 'ended'];
 
 /** What the button does now, and why. */
 const ACTIONS = {

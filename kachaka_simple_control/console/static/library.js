@@ -20,6 +20,8 @@ export class Library {
     this.file = byId('file');
     this.result = byId('save-result');
     this.folder = null;
+    /** What to know about saving, before anything is saved. */
+    this.note = '';
     this.chosen = '';
     this.shown = '';
     this.drafts = new Map();
@@ -32,9 +34,11 @@ export class Library {
   }
 
   /** Show what the server told at the beginning. */
-  welcome({folder, motions}) {
+  welcome({folder, motions, may_drive: mayDrive}) {
     this.folder = folder;
-    byId('save').disabled = folder === null;
+    byId('save').disabled = folder === null || !mayDrive;
+    this.note = folder === null ? 'To save files, start the console with --folder.' : '';
+    setStatus(this.result, this.note, 'idle');
     this.show(motions);
     if (this.chosen === '' && this.editor.text === '' && motions.length > 0) {
       const first = motions.find(motion => motion.name === 'square') ?? motions[0];
@@ -93,7 +97,7 @@ export class Library {
     this.chosen = name;
     this.choice.value = name;
     this.file.value = name === '' || name.endsWith('.yaml') ? name : `${name}.yaml`;
-    setStatus(this.result, '', 'idle');
+    setStatus(this.result, this.note, 'idle');
   }
 
   /** Replace the text of the editor. */

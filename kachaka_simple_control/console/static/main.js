@@ -29,7 +29,7 @@ const MOVING_STATES = ['driving', 'paused'];
 
 const page = {
   isOpen: false, wasOpen: false, mayDrive: false, isDrivenHere: true, robot: null,
-  drivenPlan: null, state: {}};
+  drivenPlan: null, endReason: '', state: {}};
 const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
 const connection = new Connection(`${scheme}://${location.host}/ws`);
 const log = new Log(byId('log-lines'), byId('clear-log'));
@@ -42,7 +42,7 @@ const stateView = new StateView();
 const question = new FloorQuestion();
 const hand = new Hand(connection);
 const stop = new Stop(
-  connection, hand, byId('stop-result'), [byId('stop'), byId('ask-stop')], showFault);
+  connection, hand, byId('stop-result'), [byId('stop'), byId('ask-stop')], fault, question);
 const stick = new Stick(hand, byId('stick'), byId('knob'));
 const editor = new Editor(connection, byId('text'), byId('lines'), byId('problems'));
 const library = new Library(connection, editor, showFault);
@@ -74,6 +74,7 @@ function refresh() {
 /** Return what the driver needs to know about driving by hand. */
 function handText(mayHold, isMine) {
   if (!page.isOpen) return 'Off: there is no connection.';
+  if (page.state.process === 'ended') return 'Off: the process that drives has ended.';
   if (!isMine) return 'Off: take the robot first.';
   if (!mayHold) return `Off: the robot is ${page.state.state}.`;
   if (hand.holder !== null) return `Driving by ${hand.holder}. Let go to stop.`;
@@ -144,8 +145,10 @@ function changeState(changes) {
   if ('reason' in changes && reason) log.add('info', reason);
   const isEnd = page.state.process === 'ended' && page.isDrivenHere;
   if (('process' in changes || 'reason' in changes) && isEnd && reason) {
+    page.endReason = reason;
     showFault(reason);
   }
+  if (changes.process === 'running') fault.hide(page.endReason);
   stateView.update(page.state);
   refresh();
 }

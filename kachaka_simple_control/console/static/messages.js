@@ -6,8 +6,8 @@ import {create, setText} from './dom.js';
 /** The largest number of lines that are kept. */
 const MOST_LINES = 400;
 
-/** What ROS and Python write before a message: level, time and name. */
-const PREFIX = /^\[(?:DEBUG|INFO|WARN|ERROR|FATAL)\] (?:\[[\d.]+\] )?\[[^\]]*\]: /;
+/** What ROS and Python write before a message: level, time [s since 1970] and name. */
+const PREFIX = /^\[(?:DEBUG|INFO|WARN|ERROR|FATAL)\] (?:\[([\d.]+)\] )?\[[^\]]*\]: /;
 
 /** The log, newest line last; it follows the end unless one has scrolled up. */
 export class Log {
@@ -30,9 +30,12 @@ export class Log {
     const isAtEnd = list.scrollHeight - list.scrollTop - list.clientHeight < 30;
     const entry = create('li', {title: text});
     const message = text.replace(PREFIX, '');
+    // An old line, as after a reload, has its own time.
+    const seconds = PREFIX.exec(text)?.[1];
+    const time = seconds === undefined ? new Date() : new Date(1_000 * Number(seconds));
     const start = level === 'info' ? '' : `${level}: `;
     const body = create('span', {class: level}, start + message);
-    entry.append(create('time', {}, new Date().toTimeString().slice(0, 8)), body);
+    entry.append(create('time', {}, time.toTimeString().slice(0, 8)), body);
     list.append(entry);
     while (list.childElementCount > MOST_LINES) list.firstElementChild.remove();
     if (isAtEnd) list.scrollTop = list.scrollHeight;
@@ -62,5 +65,10 @@ export class Fault {
     setText(this.text, fault);
     this.box.hidden = fault === '';
     if (fault !== '') this.log.add('error', fault);
+  }
+
+  /** Hide a fault that is over, unless another one is shown by now. */
+  hide(fault) {
+    if (this.text.textContent === fault) this.show('');
   }
 }

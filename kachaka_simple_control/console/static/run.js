@@ -3,9 +3,8 @@
 
 import {byId, setText} from './dom.js';
 import {sizeText} from './geometry.js';
+import {FREE} from './lease.js';
 
-/** The states in which the robot is not taken. */
-const FREE = ['standing by', 'stopped', 'ended'];
 /** The shortest time between two speed factors that are sent [ms]. */
 const SPEED_PERIOD = 100;
 /** So long after a change here, the speed of others is not shown [ms]. */
@@ -40,20 +39,23 @@ export class RunControls {
     this.state = state;
     const isMine = state.driver === 'you';
     const isDriving = state.state === 'driving' || state.state === 'paused';
-    const reason = this.reasonAgainst(isOpen, isMine, isDriving);
+    const isPaused = state.state === 'paused';
+    const reason = this.reasonAgainst(isOpen, mayDrive, isMine, isDriving);
     this.parts.run.disabled = reason !== '';
-    setText(this.parts.note, isDriving ? '' : reason);
-    setText(this.parts.pause, state.state === 'paused' ? 'Resume' : 'Pause');
+    setText(this.parts.pause, isPaused ? 'Resume' : 'Pause');
     // A drive that began in a terminal has no lease.
     const mayChange = isDrivenHere ? isMine : mayDrive;
-    this.parts.pause.disabled = !isOpen || !isDriving || (state.state === 'paused' && !mayChange);
+    this.parts.pause.disabled = !isOpen || !isDriving || (isPaused && !mayChange);
+    const needsLease = isOpen && isPaused && mayDrive && !mayChange;
+    setText(this.parts.note, needsLease ? 'Take the robot to resume.' : isDriving ? '' : reason);
     this.parts.speed.disabled = !isOpen || !mayChange;
     this.followSpeed(state.factors?.override ?? 1);
   }
 
   /** Return why no motion may begin; an empty text if one may. */
-  reasonAgainst(isOpen, isMine, isDriving) {
+  reasonAgainst(isOpen, mayDrive, isMine, isDriving) {
     if (!isOpen) return 'There is no connection.';
+    if (!mayDrive) return 'This link can stop and pause, but not drive.';
     if (isDriving) return 'A motion is under way.';
     if (!isMine || FREE.includes(this.state.state)) return 'Take the robot to run a motion.';
     if (this.state.state !== 'ready') return `The robot is ${this.state.state}.`;
@@ -80,7 +82,7 @@ export class RunControls {
   /** Return the name that the text gives its motion. */
   motionName() {
     const found = /^name:\s*(.+?)\s*$/m.exec(this.editor.text);
-    return found === null ? 'The motion' : found[1];
+    return found === null ? 'The motion' : found[1].replace(/^(['"])(.*)\1$/, '$2');
   }
 
   /** Pause the motion, or go on with it. */

@@ -25,7 +25,11 @@ export class StateView {
    */
   update(state) {
     const name = state.process === 'starting' ? 'starting' : state.state ?? 'unknown';
-    setStatus(byId('state'), name, TONES[name] ?? 'idle');
+    if (name === 'stopped' && state.is_still !== true) {
+      showUnconfirmed(state.is_still === false);
+    } else {
+      setStatus(byId('state'), name, TONES[name] ?? 'idle');
+    }
     setText(byId('driving'), state.motion ?? '');
     const hasStep = state.step !== null && state.step !== undefined;
     setText(byId('step'), hasStep ? `${state.step} of ${state.steps ?? '?'}` : NONE);
@@ -73,6 +77,11 @@ export class StateView {
       showAge('odometry', this.odometryAge);
     }
   }
+}
+
+/** Show that the robot was stopped, and that odometry does not show it at rest. */
+function showUnconfirmed(isMoving) {
+  setStatus(byId('state'), isMoving ? 'still moving' : 'stop sent', isMoving ? 'bad' : 'warn');
 }
 
 /** Show an age in its box. */

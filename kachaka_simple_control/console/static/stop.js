@@ -13,13 +13,12 @@ export class Stop {
    * @param {import('./hand.js').Hand} hand
    * @param {HTMLElement} result where the outcome is shown
    * @param {HTMLElement[]} buttons the STOP buttons
-   * @param {function(string): void} showFault
+   * @param {import('./messages.js').Fault} fault
+   * @param {import('./ask.js').FloorQuestion} question
    */
-  constructor(connection, hand, result, buttons, showFault) {
-    this.connection = connection;
-    this.hand = hand;
-    this.result = result;
-    this.showFault = showFault;
+  constructor(connection, hand, result, buttons, fault, question) {
+    Object.assign(this, {connection, hand, result, fault, question});
+    this.shownFault = '';
     this.count = 0;
     for (const button of buttons) {
       // When the button goes down, not when it comes up. A click without a pointer is a screen
@@ -39,6 +38,7 @@ export class Stop {
     const count = ++this.count;
     setStatus(this.result, 'stopping', 'busy');
     this.hand.end('STOP was pressed');
+    this.question.cancel();
     const answer = await answered;
     // The outcome of an older stop says nothing about a newer one.
     if (count === this.count) this.showOutcome(answer);
@@ -54,7 +54,8 @@ export class Stop {
       this.showFault(
         `${what} ${answer.text} Use the button on the robot, or stop it at the terminal.`);
     } else if (!answer.is_done) {
-      setStatus(this.result, 'STOP failed', 'bad');
+      const result = answer.is_confirmed === false ? 'STOP not confirmed' : 'STOP failed';
+      setStatus(this.result, result, 'bad');
       this.showFault(`STOP: ${answer.text}`);
     } else if (answer.is_confirmed === true) {
       setStatus(this.result, 'stopped (odometry confirms)', 'good');
@@ -66,9 +67,16 @@ export class Stop {
     }
   }
 
+  /** Show why a stop failed, until something new begins. */
+  showFault(text) {
+    this.shownFault = text;
+    this.fault.show(text);
+  }
+
   /** The robot does something new: the outcome of the last stop is no longer news. */
   forget() {
     this.count += 1;
+    this.fault.hide(this.shownFault);
     setStatus(this.result, '', 'idle');
   }
 }
