@@ -36,7 +36,12 @@ from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import MAX_LATENESS, rate_problem
-from kachaka_simple_control.errors import MotionRefusedError, MotionRunningError, UsageError
+from kachaka_simple_control.errors import (
+    MotionRefusedError,
+    MotionRunningError,
+    MotionStoppedError,
+    UsageError,
+)
 from kachaka_simple_control.kachaka.bridge_process import OwnSimulation
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.limits import Limits
@@ -394,7 +399,7 @@ class _SignalHandler:
         :param signum: the number of the signal
         """
         name = signal.Signals(signum).name
-        self._node.session.stop_permanently(MotionRefusedError(f'stopped by {name}'))
+        self._node.session.stop_permanently(MotionStoppedError(f'stopped by {name}'))
 
     def wake(self) -> None:
         """

@@ -218,6 +218,7 @@ class NullGuardian:
     participants: frozenset[bytes] = frozenset()
     has_searched = is_matched = True
     stopped_because: str | None = None
+    has_ended = False
     shared_memory: tuple[int, int] | None = None
 
     def __init__(self) -> None:
@@ -289,6 +290,11 @@ class Guardian:
         more ROS node, which has its own participant.
         """
         return self._process.participants
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the guardian, a separate process, has ended; then no robot may be driven."""
+        return self._process.has_ended
 
     @property
     def has_searched(self) -> bool:

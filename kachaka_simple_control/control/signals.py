@@ -392,6 +392,11 @@ class ShutdownEvent:
         with contextlib.suppress(BlockingIOError):
             os.write(self._writer, b'\0')
 
+    @property
+    def is_set(self) -> bool:
+        """Whether the process has to end, so that ``wait`` would return at once."""
+        return bool(select.select([self._reader], [], [], 0.0)[0])
+
     def wait(self, with_parent: bool) -> None:
         """
         Wait for a signal that ends the process, or for a call of ``end``.

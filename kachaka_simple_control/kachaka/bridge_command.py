@@ -193,6 +193,8 @@ def _parse(args: list[str]) -> tuple[argparse.Namespace, SimulationParameters]:
 
 
 def _serve(node: BridgeNode, shutdown: ShutdownEvent, with_parent: bool) -> None:
+    if shutdown.is_set:
+        return
     if with_parent:
         from kachaka_simple_control.ros.endpoints import own_participant
         print(f'{PARTICIPANT}{own_participant(node).hex()}', file=sys.stderr, flush=True)

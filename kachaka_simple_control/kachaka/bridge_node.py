@@ -125,14 +125,16 @@ class BridgeNode(Node):
         :param twist: the message; only its ``linear.x`` [m/s] and ``angular.z`` [rad/s] are used
         """
         velocity = conversions.velocity(twist)
-        for value, largest, unit in (
-                (velocity.linear_x, KACHAKA.limits.max_linear_velocity, 'm/s'),
-                (velocity.angular_z, KACHAKA.limits.max_angular_velocity, 'rad/s')):
-            if largest < abs(value) < math.inf:
-                self.get_logger().warning(
-                    f'a velocity of {value:.4g} {unit} is cut to '
-                    f'{math.copysign(largest, value):.4g} {unit}, the most that a Kachaka does',
-                    throttle_duration_sec=LIMIT_WARN_PERIOD)
+        cut = [(value, math.copysign(largest, value), unit) for value, largest, unit in (
+            (velocity.linear_x, KACHAKA.limits.max_linear_velocity, 'm/s'),
+            (velocity.angular_z, KACHAKA.limits.max_angular_velocity, 'rad/s'))
+            if largest < abs(value) < math.inf]
+        if cut:
+            wanted = ' and '.join(f'{value:.4g} {unit}' for value, _, unit in cut)
+            sent = ' and '.join(f'{largest:.4g} {unit}' for _, largest, unit in cut)
+            self.get_logger().warning(
+                f'a velocity of {wanted} is cut to {sent}, the most that a Kachaka does',
+                throttle_duration_sec=LIMIT_WARN_PERIOD)
         self.drive(velocity, time.monotonic())
 
     def close(self) -> None:
@@ -236,7 +238,9 @@ class SimulatedBridge(BridgeNode):
         if code == ERROR_NO_MANUAL_CONTROL:
             self.set_manual_control(True)
         elif code != SUCCESS:
-            self.get_logger().warning(f'the robot refused {velocity}', throttle_duration_sec=1.0)
+            self.get_logger().warning(
+                f'the robot refused a velocity of {velocity.linear_x:.4g} m/s and '
+                f'{velocity.angular_z:.4g} rad/s', throttle_duration_sec=1.0)
 
     def close(self) -> None:
         """

@@ -574,6 +574,9 @@ class Session:
             raise errors.RunFaultError(
                 'nothing moves until this program is started again, for the guardian stopped the '
                 f'robot: {self._guardian.stopped_because}')
+        if self._guardian.has_ended:
+            raise errors.RunFaultError(
+                'nothing moves until this program is started again, for its guardian has ended')
 
     def _on_foreign_message(self, sender: str) -> None:
         if self.gate.state is GateState.NOT_OPENED:

@@ -236,6 +236,7 @@ def test_enter_starts_the_motion_of_a_command_that_stands_by(listener):
         assert shown.end() == 130
         text = '\n'.join(shown.screen.above)
     assert text.count('Program was interrupted') == text.count('Robot has stopped') == 1
+    assert '[ERROR]' not in text
     assert not listener.received[-1].moves
 
 

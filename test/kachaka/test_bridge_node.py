@@ -89,6 +89,7 @@ def test_robot_clips_and_refuses_velocities(probe, namespace):
     ((-1.0, 0.0), 'a velocity of -1 m/s is cut to -0.3 m/s, the most'),
     ((0.0, 2.0), 'a velocity of 2 rad/s is cut to 1.57 rad/s, the most'),
     ((0.0, -2.0), 'a velocity of -2 rad/s is cut to -1.57 rad/s, the most'),
+    ((0.5, 3.0), 'a velocity of 0.5 m/s and 3 rad/s is cut to 0.3 m/s and 1.57 rad/s, the most'),
     ((-0.3, 1.57), None)])
 def test_a_velocity_that_is_cut_is_said_with_its_sign(node, monkeypatch, velocity, text):
     logged = []

@@ -385,6 +385,19 @@ def test_after_the_guardian_s_stop_requests_are_refused_with_the_reason(listener
         node.session.request(elsewhere=True)
 
 
+def test_after_the_guardian_was_killed_requests_are_refused(listener, make):
+    node = make(guardian=True)
+    with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
+        listener.wait_for(is_at_cruise)
+        node.session._guardian._process._process.kill()
+        assert wait_until(lambda: ended)
+    answer = listener.call('resume')
+    assert not answer.success
+    assert 'its guardian has ended' in answer.message
+    with pytest.raises(ControlError, match='until this program is started again'):
+        node.session.request(elsewhere=True)
+
+
 def test_nothing_starts_or_goes_on_at_the_same_time_as_a_stop(listener, make):
     node, now = make(), [7.0]
     node.commander.stop_requests = StopRequests(lambda: now[0])
