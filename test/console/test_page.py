@@ -461,7 +461,9 @@ def test_a_motion_runs_after_the_question_about_the_floor(page):
     page.wait(lambda: page.text('#progress-text') not in {NOTHING, '0 %'}, 'the progress')
     page.wait(lambda: page.text('#remaining').endswith(' s'), 'the time left')
     assert page.run('return document.querySelector(".driven-line").getAttribute("points").length')
-    page.press(ESCAPE)
+    page.click('#pause')
+    # Space stops: it would resume if the button kept the focus.
+    page.press(SPACE)
     page.wait(lambda: page.text('#stop-result') == 'stopped (odometry confirms)', 'the outcome')
 
 

@@ -27,7 +27,11 @@ export class RunControls {
     this.speedTimer = null;
     this.speedSentAt = -Infinity;
     parts.run.addEventListener('click', () => this.run());
-    parts.pause.addEventListener('click', () => this.pauseOrResume());
+    parts.pause.addEventListener('click', event => {
+      // After a click, space stops; it would resume if the button kept the focus.
+      if (event.detail > 0) parts.pause.blur();
+      this.pauseOrResume();
+    });
     parts.speed.addEventListener('input', () => this.changeSpeed());
   }
 
