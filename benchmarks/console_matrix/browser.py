@@ -38,10 +38,11 @@ MAX_STARTS = 3
 #: Records what the browser itself tells the page; each event says whether it is a real one.
 WATCH = """
 window.seen = [];
-for (const type of ['blur', 'visibilitychange', 'freeze', 'resume', 'pagehide'])
+for (const type of [
+    'blur', 'visibilitychange', 'freeze', 'resume', 'pagehide', 'contextmenu'])
   addEventListener(type, event => {
     // An element that loses the focus is not the window.
-    if (event.target === window || event.target === document)
+    if (type !== 'blur' || event.target === window)
       window.seen.push([type, event.isTrusted]);
   }, true);
 """
@@ -161,6 +162,11 @@ class Browser:
             with contextlib.suppress(WebDriverException):
                 self.command('Input.dispatchKeyEvent', type='rawKeyDown', autoRepeat=True, **KEY)
             time.sleep(0.033)
+
+    def open_menu(self) -> None:
+        """Press the right mouse button on the page."""
+        self.command('Input.dispatchMouseEvent', type='mousePressed', x=5, y=300, button='right',
+                     clickCount=1)
 
     def let_go(self) -> None:
         """Release the key."""

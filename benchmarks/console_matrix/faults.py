@@ -179,6 +179,22 @@ def unfocus(stage: Stage) -> Injected:
         stage, lambda: stage.browser.cover(new_window=True), stage.browser.uncover, 'blur')
 
 
+def open_menu(stage: Stage) -> Injected:
+    """Open a context menu; it takes the release of the key."""
+    fault = time.time()
+    stage.browser.open_menu()
+    time.sleep(SETTLING_TIME)
+    return _with_events(stage, Injected(fault), 'contextmenu')
+
+
+def lose_release(stage: Stage) -> Injected:
+    """Let the key repeat, and then tell the page nothing of it, as a menu of the browser does."""
+    stage.browser.repeat(SETTLING_TIME)
+    fault = time.time()
+    time.sleep(SETTLING_TIME)
+    return Injected(fault)
+
+
 def _for_a_while(
         stage: Stage, begin: Callable[[], object], end: Callable[[], object],
         wanted: str) -> Injected:
