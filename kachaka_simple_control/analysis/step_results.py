@@ -76,6 +76,10 @@ def segment_odometry(
     standstill.  So the whole movement counts for the moving step, although odometry is delayed.
     The robot stands still in a waiting step, and in a pause at the start of a step.
 
+    The end of the last step is shifted in the same way, and then to the next odometry sample.  A
+    node that was suspended received no odometry before the guardian stopped the robot, so the
+    next sample may be much later.  The robot stands still until then.
+
     If the drive starts with a waiting step, and odometry begins during this step, the first time
     is that of the first odometry sample.
 
@@ -90,7 +94,13 @@ def segment_odometry(
     for before, after in pairwise(steps):
         offset = ODOMETRY_DELAY * (_begins_at_rest(after) - before.step.is_rest)
         cuts.append(max(cuts[-1], after.sent[0].time + offset))
-    return [*cuts, max(cuts[-1], steps[-1].sent[-1].time)]
+    return [*cuts, _end_of_movement(max(cuts[-1], steps[-1].sent[-1].time), odometry)]
+
+
+def _end_of_movement(end: float, odometry: Sequence[OdometryReceived]) -> float:
+    # The first sample that shows the last zero velocity; the last sample if there is none.
+    later = bisect_left(odometry, end + ODOMETRY_DELAY, key=attrgetter('time'))
+    return max([end, *(sample.time for sample in odometry[:later + 1][-1:])])
 
 
 def _begins_at_rest(step: StepLog) -> bool:

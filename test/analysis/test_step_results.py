@@ -86,6 +86,34 @@ def test_each_movement_gets_what_it_moved():
         assert seen.angle == pytest.approx(wanted.angle, abs=0.003)
 
 
+@pytest.mark.parametrize('delay', [0.004, 0.03])
+def test_the_last_movement_gets_all_that_it_moved(delay):
+    """Odometry shows the end of it after the last zero velocity."""
+    record = record_of([Move(0.3, 0.0, 1.0)], delay)
+    cuts = segment_odometry(record.steps, record.odometry)
+    assert driven(record.odometry, *cuts).distance == pytest.approx(0.3, abs=1e-9)
+
+
+@pytest.mark.parametrize('asleep', [0.2, 0.35, 4.0])
+def test_a_node_that_slept_through_its_stop_shows_the_whole_movement(asleep):
+    """It gets no odometry from 0.1 s before the zero of its guardian until it wakes up."""
+    record = record_of([Move(0.3, 0.0, 1.0)], 0.03)
+    frozen = 100.9
+    after = [replace(record.odometry[-1], time=frozen + asleep + 0.02 * number)
+             for number in range(20)]
+    record.odometry[:] = [seen for seen in record.odometry if seen.time < frozen] + after
+    cuts = segment_odometry(record.steps, record.odometry)
+    assert driven(record.odometry, *cuts).distance == pytest.approx(0.3, abs=1e-9)
+
+
+def test_odometry_that_ends_just_after_the_last_zero_counts():
+    record = record_of([Move(0.3, 0.0, 1.0)])
+    record.odometry[:] = [seen for seen in record.odometry if seen.time < 101.03]
+    cuts = segment_odometry(record.steps, record.odometry)
+    assert cuts[-1] == record.odometry[-1].time
+    assert driven(record.odometry, *cuts).distance == pytest.approx(0.3, abs=1e-9)
+
+
 def test_odometry_that_comes_during_the_first_rest_is_early_enough():
     """Its discovery may take longer than that of the subscription to our velocities."""
     record = record_of(STEPS)
