@@ -160,11 +160,15 @@ class DriveStatus:
         """
         Return how long a part of the plan takes at the current speed [s].
 
-        If the robot is kept at standstill, return the planned duration.
+        If the robot is kept at standstill, return how long it takes after that, at the speed from
+        the other factors.  If only several factors together keep it there, return the planned
+        duration.
 
         :param duration: the duration of this part in the plan, at full speed [s]
         """
-        return duration if self.is_held else duration / self.speed
+        speed = product({name: factor for name, factor in self.factors.items()
+                         if not is_hold(factor)})
+        return duration if is_hold(speed) else duration / speed
 
     @property
     def fraction(self) -> float:

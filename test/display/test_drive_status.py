@@ -356,10 +356,10 @@ def test_a_panel_has_all_figures(drawn, columns):
     ({'override': 0.5}, 'DRIVING', (
         'forward 0.5 m (speed 50 %)', '6.2 s left, planned: 4.0 s', '2.2 s, 0.300 m left')),
     ({'pause': 0.0, 'override': 0.5}, 'PAUSED', (
-        'forward 0.5 m (speed 50 %)', '3.1 s left, planned: 4.0 s', '1.1 s, 0.300 m left')),
-    ({'pause': 0.0}, 'PAUSED', ('forward 0.5 m\n',)),
+        'forward 0.5 m (speed 50 %)', '6.2 s left, planned: 4.0 s', '2.2 s, 0.300 m left')),
+    ({'pause': 0.0}, 'PAUSED', ('forward 0.5 m\n', '3.1 s left, planned: 4.0 s')),
     ({'obstacle': 0.05, 'override': 0.1}, 'PAUSED', (
-        'forward 0.5 m (obstacle 5 %, speed 10 %)',))])
+        'forward 0.5 m (obstacle 5 %, speed 10 %)', '3.1 s left, planned: 4.0 s'))])
 def test_what_is_left_takes_longer_at_less_speed(drawn, factors, state, texts):
     tracker = driven(0.8)
     tracker.on_event(SpeedFactorChanged(START + 0.88, factors))
