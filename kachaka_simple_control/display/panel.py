@@ -131,10 +131,13 @@ def _state_text(status: DriveStatus) -> str:
 def _bar(status: DriveStatus, done_sign: str, rest_sign: str, width: int) -> Text:
     if status.duration is None:
         return Text()
-    left = status.stretched(status.time_left)
-    figures = (
-        f'  {100.0 * status.fraction:3.0f} %   {format_fixed(left, 1)} s left'
-        f'{", planned: " if status.factors else " of "}{format_fixed(status.duration, 1)} s')
+    left = f'{format_fixed(status.stretched(status.time_left), 1)} s left'
+    planned = f'{format_fixed(status.duration, 1)} s'
+    if status.state is DriveState.CUT_SHORT:  # nothing is left to drive
+        time = f'planned: {planned}'
+    else:
+        time = f'{left}, planned: {planned}' if status.factors else f'{left} of {planned}'
+    figures = f'  {100.0 * status.fraction:3.0f} %   {time}'
     room = max(1, width - len(figures))
     done = min(room, max(0, round(status.fraction * room)))
     # The two parts of the bar use different characters, because there may be no colours.

@@ -369,6 +369,17 @@ def test_what_is_left_takes_longer_at_less_speed(drawn, factors, state, texts):
         assert part in text
 
 
+@pytest.mark.parametrize('factors', [{}, {'override': 0.5}])
+def test_after_an_early_end_nothing_is_left(drawn, factors):
+    tracker = driven(0.8)
+    tracker.on_event(SpeedFactorChanged(START + 0.88, factors))
+    tracker.on_event(MotionEnded(START + 0.88, 'stop requested'))
+    text = '\n'.join(drawn(tracker.status_at(START + 5.0), 100))
+    assert ' CUT SHORT ' in text
+    assert '22 %   planned: 4.0 s' in text
+    assert 'left' not in text
+
+
 def test_a_panel_says_that_nothing_was_started(drawn):
     text = '\n'.join(drawn(DriveTracker().status_at(START), 100))
     assert 'READY   the motion has not been started' in text
