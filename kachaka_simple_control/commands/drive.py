@@ -34,7 +34,7 @@ from kachaka_simple_control.commands.settings import (
     with_corners,
 )
 from kachaka_simple_control.control.events import SpeedFactorChanged
-from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
+from kachaka_simple_control.control.output import make_nonblocking, print_result, STDERR, STDOUT
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.errors import RunFaultError, UsageError
 from kachaka_simple_control.files.library import find, lesson_motion
@@ -127,7 +127,8 @@ def drive(options: Options) -> DriveLog:
                 rclpy.try_shutdown()
     log = robot_control.drive_log
     if options.prints_table and log.steps:
-        print(drive_table(log, subscribers.stop_confirmed_after, terminal_columns()))
+        print_result(drive_table(
+            log, subscribers.stop_confirmed_after, terminal_columns()), 'the table')
     if reporter is not None and (reporter.exit_code or reporter.failure is not None):
         raise RunFaultError(f'the report in {options.report} is incomplete')
     return log

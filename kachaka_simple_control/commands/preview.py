@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 
 from kachaka_simple_control.analysis.plan_view import PlanView
@@ -25,7 +24,7 @@ from kachaka_simple_control.commands.settings import (
     describe_overrides,
     with_corners,
 )
-from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.control.output import print_result
 from kachaka_simple_control.files.library import find, library
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.report.output_file import check_plot_file
@@ -40,18 +39,19 @@ def preview(options: Options) -> None:
 
     :param options: the options of the command: ``--list``, ``--plan`` or ``--plot``
     :raises InvalidMotionError: if a motion is invalid or not found
-    :raises UsageError: if an option is invalid, or the output cannot be written
+    :raises UsageError: if an option is invalid, or the plot cannot be written
+    :raises RunFaultError: if the text cannot be printed
     """
     option = '--plan' if options.plan else '--plot' if options.plot else '--list'
     require_parameters_only(option, options.ros_arguments)
     if options.plot is not None:
         check_plot_file(options.plot)
     if options.list:
-        _print(_listing(options))
+        print_result(_listing(options), 'the list')
     if options.plan or options.plot is not None:
         previews = [plan_view(name, options) for name in options.motions or ['lesson']]
         if options.plan:
-            _print(plan_table(previews, terminal_columns()))
+            print_result(plan_table(previews, terminal_columns()), 'the plan')
         if options.plot is not None:
             save_plot(options.plot, previews)
 
@@ -71,16 +71,6 @@ def _listing(options: Options) -> str:
     width = max(len(name) for name, _, _ in rows)
     return '\n'.join(
         f'{name:{width}}  {duration:>8}  {description}' for name, duration, description in rows)
-
-
-def _print(text: str) -> None:
-    try:
-        print(text, flush=True)
-    except OSError as error:
-        # Python flushes again at exit, and would fail again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(error, BrokenPipeError):  # the reader, such as `head`, has ended
-            raise UsageError(f'it cannot be printed: {error.strerror}') from None
 
 
 def plan_view(name: str, options: Options) -> PlanView:

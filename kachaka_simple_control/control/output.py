@@ -33,6 +33,8 @@ import sys
 import time
 from typing import Any, TextIO
 
+from kachaka_simple_control.errors import RunFaultError
+
 STDOUT, STDERR = 1, 2
 STREAMS = {STDOUT: 'stdout', STDERR: 'stderr'}
 #: How long a write of Python text waits for room [s].  After one such wait without success,
@@ -112,6 +114,28 @@ def discard_unread() -> None:
         while not _is_flushed(stdout):
             if not has_room(STDOUT, max(0.0, end - time.monotonic())):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), STDOUT)
+
+
+def print_result(text: str, name: str) -> None:
+    """
+    Print the result of a command to standard output.
+
+    A reader that has ended, such as ``head``, is no error.
+
+    :param text: the text
+    :param name: what the text is, for the error message
+    :raises RunFaultError: if the text cannot be written, such as to a full disk
+    """
+    problem = None
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        # Python flushes again at exit, and would fail again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            problem = error.strerror
+    if problem is not None:  # raised here, so that an earlier error stays its context
+        raise RunFaultError(f'{name} cannot be printed: {problem}')
 
 
 def has_room(descriptor: int, timeout: float = 0.0) -> bool:

@@ -156,13 +156,16 @@ def test_a_reader_that_closes_the_pipe_is_no_error(option):
     assert (ended.returncode, ended.stderr) == (0, '')
 
 
-def test_what_cannot_be_printed_is_one_line():
+@pytest.mark.needs('yaml', 'jsonschema')
+@pytest.mark.parametrize('options, what', [
+    (['--list'], 'the list'), (['square', '--plan'], 'the plan')])
+def test_what_cannot_be_printed_is_one_line(options, what):
     with Path('/dev/full').open('w') as full:
         ended = subprocess.run(
-            [*COMMAND, '--list'], check=False, stdout=full, stderr=subprocess.PIPE, text=True,
+            [*COMMAND, *options], check=False, stdout=full, stderr=subprocess.PIPE, text=True,
             timeout=60)
-    assert ended.returncode == 2
-    assert ended.stderr == ('kachaka_simple_control: it cannot be printed: No space left on '
+    assert ended.returncode == 1
+    assert ended.stderr == (f'kachaka_simple_control: {what} cannot be printed: No space left on '
                             'device\n')
 
 

@@ -14,6 +14,7 @@
 """Motions from files, driven by the command: on the simulated robot, and by the service."""
 
 import json
+from pathlib import Path
 import shlex
 import signal
 import time
@@ -22,7 +23,7 @@ from kachaka_simple_control.control.timing import STOP_REQUEST_WINDOW
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.comparison import read_drive, require_same
-from program import COMMAND, final_pose, program, script
+from program import COMMAND, final_pose, program, Program, script
 import pytest
 from terminals import at_terminal
 from waiting import wait_until
@@ -69,6 +70,19 @@ def test_a_motion_ends_where_its_plan_says(tmp_path):
     assert f'Motion completed: short, 3 steps, {planned.duration:.3f} seconds' in started.text
     assert 'forward 0.05 m' in started.text
     assert_lines_of_the_end_came_once(started.text)
+
+
+def test_a_table_that_cannot_be_printed_is_one_line_after_the_drive(tmp_path):
+    file = tmp_path / 'short.yaml'
+    file.write_text(SHORT)
+    command = [*COMMAND, str(file), '--sim']
+    with Path('/dev/full').open('w') as full, Program(
+            command, tmp_path / 'log.txt', stdout=full) as started:
+        assert started.end(40.0) == 1, started.text
+    assert 'Motion completed: short' in started.text
+    assert started.text.endswith(
+        'kachaka_simple_control: the table cannot be printed: No space left on device\n')
+    assert started.text.count('No space left') == 1
 
 
 @pytest.mark.parametrize('signals, code', [
