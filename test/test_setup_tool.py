@@ -315,6 +315,71 @@ def test_is_done_again_when_its_python_or_its_ros_changes(made, monkeypatch, tmp
     assert len(made) == 3
 
 
+def test_is_not_done_again_in_a_shell_where_it_is_activated(made, monkeypatch, tmp_path):
+    """There the Python that runs the tool is that of the environment, a link to the same file."""
+    recipe = environment.Recipe(tmp_path / '.venv', 'jazzy', False, 'development')
+    environment.set_up(recipe)
+    activated = tmp_path / 'python3'
+    activated.symlink_to(os.path.realpath(sys.executable))
+    monkeypatch.setattr(environment.sys, 'executable', str(activated))
+    environment.set_up(recipe)
+    assert made == [recipe]
+
+
+@pytest.mark.slow
+def test_an_activated_environment_can_be_made_again(tool, sourced, tmp_path):
+    assert tool('.venv', '--for=colcon', **sourced).returncode == 0
+    tmp_path.joinpath('requirements', 'build.txt').write_text('# changed\n')
+    python = str(tmp_path / '.venv' / 'bin' / 'python')
+    again = tool('.venv', '--for=colcon', python=python, **sourced)
+    assert (again.returncode, again.stderr) == (0, '')
+    assert 'done in' in again.stdout
+
+
+@pytest.mark.parametrize('error', [environment.RefusalError('no network'), KeyboardInterrupt()])
+def test_a_failure_keeps_the_environment_that_was_there(
+        made, monkeypatch, tmp_path, error, capsys):
+    recipe = environment.Recipe(tmp_path / '.venv', 'jazzy', False, 'development')
+    environment.set_up(recipe)
+    recipe.folder.joinpath('works').touch()
+
+    def fail(wanted: environment.Recipe) -> None:
+        wanted.folder.mkdir()
+        wanted.folder.joinpath(environment.LOG).write_text('all of it')
+        raise error
+
+    with monkeypatch.context() as patch:
+        patch.setattr(environment, 'make', fail)
+        for _ in range(2):
+            with pytest.raises(type(error)):
+                environment.set_up(replace(recipe, sourced=True))
+    assert capsys.readouterr().out.endswith('set-up: .venv stays as it was\n')
+    assert recipe.folder.joinpath('works').exists()
+    assert recipe.folder.joinpath(environment.LOG).read_text() == 'all of it'
+    assert [path.name for path in tmp_path.iterdir()] == ['.venv']
+    environment.set_up(recipe)
+    assert made == [recipe]
+
+
+def test_a_set_up_that_was_killed_loses_no_environment(made, monkeypatch, tmp_path):
+    recipe = environment.Recipe(tmp_path / '.venv', 'jazzy', False, 'development')
+    environment.set_up(recipe)
+    recipe.folder.joinpath('works').touch()
+    recipe.folder.rename(tmp_path / '.venv-before')
+    recipe.folder.mkdir()
+
+    def fail(_: environment.Recipe) -> None:
+        raise environment.RefusalError('no network')
+
+    with monkeypatch.context() as patch:
+        patch.setattr(environment, 'make', fail)
+        with pytest.raises(environment.RefusalError):
+            environment.set_up(replace(recipe, sourced=True))
+    assert recipe.folder.joinpath('works').exists()
+    environment.set_up(replace(recipe, sourced=True))
+    assert [path.name for path in tmp_path.iterdir()] == ['.venv']
+
+
 def test_is_done_again_after_a_failure(made, monkeypatch, tmp_path):
     recipe = environment.Recipe(tmp_path / '.venv', 'jazzy', False, 'development')
 

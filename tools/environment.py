@@ -21,13 +21,15 @@ Otherwise it also installs rclpy from PyPI.  Every problem is reported in one li
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+import contextlib
 from dataclasses import dataclass
 import hashlib
 import importlib.util
 import os
 from pathlib import Path
 import platform
+import shutil
 import subprocess
 import sys
 import time
@@ -40,6 +42,9 @@ LOWEST_PYTHON = (3, 10)
 GLIBC = (2, 28)
 STAMP = 'set-up-of'
 LOG = 'set-up.log'
+#: The Python that makes environments.  Where one is activated, it is not the link in it, because
+#: that environment may be made again.
+PYTHON = sys.executable if sys.prefix == sys.base_prefix else os.path.realpath(sys.executable)
 #: The files that an environment depends on, in addition to its lock files.
 INPUTS = ('setup.py', 'setup.cfg', 'tools/environment.py')
 #: The check of ROS.  A folder without code can be imported as ``rclpy``, so a module in it is
@@ -103,7 +108,9 @@ class Recipe:
         :returns: the digest
         """
         made_from = [*self.locks(), *(ROOT / name for name in INPUTS)]
-        circumstances = repr((self, str(ROOT), sys.executable, sys.version))
+        # Where the environment is activated, its Python is a link to the one that made it.
+        python = os.path.realpath(sys.executable)
+        circumstances = repr((self, str(ROOT), python, sys.version))
         digest = hashlib.sha256(circumstances.encode())
         for path in made_from:
             digest.update(path.read_bytes())
@@ -230,9 +237,36 @@ def set_up(wanted: Recipe) -> None:
         return
     begin = time.monotonic()
     print(f'set-up: {wanted}; this takes a minute', flush=True)
-    make(wanted)
-    stamp.write_text(digest)
+    with kept_on_failure(wanted.folder):
+        make(wanted)
+        stamp.write_text(digest)
     print(f'set-up: done in {time.monotonic() - begin:.0f} s', flush=True)
+
+
+@contextlib.contextmanager
+def kept_on_failure(folder: Path) -> Iterator[None]:
+    """
+    Keep a complete environment while a new one is made, and move it back on failure.
+
+    :param folder: the folder of both environments
+    """
+    before = folder.with_name(f'{folder.name}-before')
+    if (folder / STAMP).is_file():
+        shutil.rmtree(before, ignore_errors=True)
+        with contextlib.suppress(OSError):  # such as a folder that is mounted
+            folder.rename(before)
+    try:
+        yield
+    except BaseException:
+        if before.is_dir():
+            log = folder / LOG
+            if log.is_file():
+                log.replace(before / LOG)
+            shutil.rmtree(folder, ignore_errors=True)
+            before.rename(folder)
+            print(f'set-up: {folder.name} stays as it was', flush=True)
+        raise
+    shutil.rmtree(before, ignore_errors=True)
 
 
 def make(wanted: Recipe) -> None:
@@ -247,7 +281,7 @@ def make(wanted: Recipe) -> None:
             'this Python cannot make environments; on Debian and Ubuntu: '
             f'sudo apt install python3.{sys.version_info[1]}-venv')
     options = ['--system-site-packages'] if wanted.sourced else []
-    run(wanted, [sys.executable, '-m', 'venv', '--clear', *options, str(wanted.folder)])
+    run(wanted, [PYTHON, '-m', 'venv', '--clear', *options, str(wanted.folder)])
     for lock in wanted.locks():
         # A lock file names all packages; other dependencies are left out on purpose.
         pip(wanted, '--no-deps', '--require-hashes', f'--requirement={lock}')
