@@ -32,7 +32,8 @@ from kachaka_simple_control.text import escaped, escaped_lines, MAX_LINE_LENGTH
 NAME = 'kachaka_simple_control'
 
 
-def run_command(body: Callable[[], None], name: str = NAME) -> int:
+def run_command(
+        body: Callable[[], None], name: str = NAME, moves_robot: bool = True) -> int:
     """
     Run the function of a command, print an error in one line, and return the exit code.
 
@@ -41,6 +42,7 @@ def run_command(body: Callable[[], None], name: str = NAME) -> int:
 
     :param body: the function that does the work of the command
     :param name: the name of the command, which is printed before the error
+    :param moves_robot: whether the function can move a robot
     :returns: the exit code; after a signal, always 128 plus the number of the signal
     """
     code = DONE
@@ -57,12 +59,12 @@ def run_command(body: Callable[[], None], name: str = NAME) -> int:
             # An error during a stop must not hide the error that caused the stop.
             with contextlib.suppress(OSError):  # such as a full disk
                 if isinstance(first, ControlError) and not error.__suppress_context__:
-                    print(_message(first, name), file=sys.stderr)
-                print(_message(error, name), file=sys.stderr)
+                    print(_message(first, name, moves_robot), file=sys.stderr)
+                print(_message(error, name, moves_robot), file=sys.stderr)
     return code if signal_dispatcher.signum is None else SIGNALLED + signal_dispatcher.signum
 
 
-def _message(error: Exception, name: str) -> str:
+def _message(error: Exception, name: str, moves_robot: bool) -> str:
     if isinstance(error, FileError) and error.problems[0].line is not None:
         # File and line come first, because many editors show them as a link.
         return escaped_lines(error)
@@ -70,10 +72,15 @@ def _message(error: Exception, name: str) -> str:
         return f'{line}: {escaped(error, MAX_LINE_LENGTH)}'
     if isinstance(error, ControlError):
         return f'{name}: {escaped(error, MAX_LINE_LENGTH)}'
+    if isinstance(error, SyntaxError) and error.filename:
+        # The code of the lesson, which its reader edits; nothing in the file was run.
+        place = escaped(location(error.filename, error.lineno), MAX_LINE_LENGTH)
+        return f'{place}: {escaped(error.msg, MAX_LINE_LENGTH)}'
     frame = traceback.extract_tb(error.__traceback__)[-1]
     text = escaped(error, MAX_LINE_LENGTH)
+    end = '; a robot that moved was stopped' if moves_robot else ''
     return (f'{name}: unexpected {type(error).__name__}: {text} '
-            f'({frame.filename}:{frame.lineno}); a robot that moved was stopped')
+            f'({frame.filename}:{frame.lineno}){end}')
 
 
 def _line_of_lesson(error: Exception) -> str:

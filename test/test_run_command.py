@@ -15,6 +15,7 @@
 
 import signal
 
+from kachaka_simple_control.commands.drive_or_preview import main as drive_or_preview
 from kachaka_simple_control.control.signals import SignalDispatcher
 from kachaka_simple_control.errors import (
     InvalidMotionError,
@@ -58,6 +59,26 @@ def test_the_line_of_an_edited_lesson_is_named(duration, shown, tmp_path, monkey
     monkeypatch.setattr(library, 'LESSON_FILE', edited)
     assert run_command(library.lesson_motion) == 2
     assert capsys.readouterr().err == f'{edited}:3: duration is {shown}\n'
+
+
+def test_a_syntax_error_in_an_edited_lesson_is_named_with_its_line_alone(
+        tmp_path, monkeypatch, capsys):
+    edited = tmp_path / 'edited.py'
+    edited.write_text('def play_lesson(robot):\n    robot.move_robot(0.1, 0.0, 1.0\n')
+    monkeypatch.setattr(library, 'LESSON_FILE', edited)
+    assert run_command(library.lesson_motion) == 1
+    assert capsys.readouterr().err == f"{edited}:2: '(' was never closed\n"
+
+
+def test_a_forgotten_value_in_an_edited_lesson_is_named_without_a_robot(
+        tmp_path, monkeypatch, capsys):
+    edited = tmp_path / 'edited.py'
+    edited.write_text('def play_lesson(robot):\n    robot.move_robot(0.1, 0.0)\n')
+    monkeypatch.setattr(library, 'LESSON_FILE', edited)
+    assert drive_or_preview(['--plan']) == 1
+    assert capsys.readouterr().err == (
+        'kachaka_simple_control: unexpected TypeError: move_robot() missing 1 required '
+        f"positional argument: 'duration' ({edited}:2)\n")
 
 
 def test_a_body_that_returns_has_exit_code_0():

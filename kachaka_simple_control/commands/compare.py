@@ -74,7 +74,8 @@ def main(args: Sequence[str] | None = None) -> int:
     parser.add_argument('--plot', metavar='FILE',
                         help='draw all paths over the planned one, as .png, .svg or .pdf')
     options = parser.parse_args(args)
-    return run_command(lambda: compare(options.reports, options.plot), NAME)
+    return run_command(
+        lambda: compare(options.reports, options.plot), NAME, moves_robot=False)
 
 
 if __name__ == '__main__':

@@ -141,4 +141,4 @@ def main(args: Sequence[str] | None = None) -> int:
     :returns: the exit code of the command
     """
     options = parse(args)
-    return run_command(lambda: _run(options))
+    return run_command(lambda: _run(options), moves_robot=not options.is_preview)

@@ -22,6 +22,7 @@ import __future__  # noqa: I100
 
 import ast
 from importlib.resources import files
+import inspect
 import os
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from kachaka_simple_control.files.document import (
     is_path,
     MotionFileError,
     nearest,
+    Node,
     PACKAGE,
     Problem,
     UnreadableFileError,
@@ -57,7 +59,7 @@ def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
     :raises MotionFileError: if there is no such motion, or the file cannot be read
     """
     if name_or_path == LESSON:
-        return MotionFile(lesson_motion(), str(LESSON_FILE))
+        return _read_lesson()
     with MotionFileError.naming(os.fspath(name_or_path)):
         source, text = look_up(name_or_path, 'motions', library())
     return loads(text, source)
@@ -111,6 +113,8 @@ class _MotionRecorder:
 
     def __init__(self) -> None:
         self.steps: list[Move] = []
+        #: the line of the lesson in which each step was recorded
+        self.lines: list[int] = []
 
     def move_robot(self, linear_x: float, angular_z: float, duration: float) -> None:
         """
@@ -125,6 +129,17 @@ class _MotionRecorder:
         if len(self.steps) == MAX_MOVEMENTS:
             raise InvalidMotionError(f'{LESSON_FUNCTION} has more than {MAX_MOVEMENTS} movements')
         self.steps.append(Move(linear_x, angular_z, duration))
+        self.lines.append(_line_of_caller())
+
+    # Python shows this name if an argument is missing; the name of this class says nothing.
+    move_robot.__qualname__ = 'move_robot'
+
+
+def _line_of_caller() -> int:
+    frame = inspect.currentframe()
+    caller = frame and frame.f_back and frame.f_back.f_back
+    assert caller
+    return caller.f_lineno
 
 
 def lesson_motion() -> Motion:
@@ -137,9 +152,14 @@ def lesson_motion() -> Motion:
 
     :raises InvalidMotionError: if a movement is invalid, or if there are more than MAX_MOVEMENTS
         movements
+    :raises SyntaxError: if the function's file is not Python
     """
+    return _read_lesson().motion
+
+
+def _read_lesson() -> MotionFile:
     function = next(
-        node for node in ast.parse(LESSON_FILE.read_text('utf-8')).body
+        node for node in ast.parse(LESSON_FILE.read_text('utf-8'), str(LESSON_FILE)).body
         if isinstance(node, ast.FunctionDef) and node.name == LESSON_FUNCTION)
     # Keep annotations as text, because the class that they name is not defined here.
     code = compile(
@@ -151,4 +171,8 @@ def lesson_motion() -> Motion:
     assert callable(play)
     play(recorder)
     description = (ast.get_docstring(function) or '').partition('\n')[0]
-    return Motion(LESSON, tuple(recorder.steps), description)
+    motion = Motion(LESSON, tuple(recorder.steps), description)
+    lines: dict[str | int, Node] = {
+        index: Node(line, None) for index, line in enumerate(recorder.lines)}
+    root = Node(function.lineno, None, {'steps': Node(function.lineno, None, lines)})
+    return MotionFile(motion, str(LESSON_FILE), root=root)

@@ -128,6 +128,17 @@ def test_edits_of_the_lesson_are_read(tmp_path, monkeypatch):
     assert steps[1:4] == (Move(0.2, 0.0, 1.5),) * 3
 
 
+def test_the_line_of_an_edited_lesson_that_no_robot_can_drive_is_named(tmp_path, monkeypatch):
+    edited = tmp_path / 'edited.py'
+    edited.write_text(
+        'def play_lesson(robot):\n    robot.move_robot(0.1, 0.0, 1.0)\n\n'
+        '    for speed in (0.1, 0.5):\n        robot.move_robot(speed, 0.0, 1.0)\n')
+    monkeypatch.setattr(library_module, 'LESSON_FILE', edited)
+    with pytest.raises(MotionFileError) as caught:
+        find('lesson').check(find_robot('kachaka').limits)
+    assert str(caught.value).startswith(f'{edited}:5: step 3: move.linear_x: 0.5 m/s, outside ')
+
+
 def test_a_lesson_without_an_end_is_refused(tmp_path, monkeypatch):
     edited = tmp_path / 'edited.py'
     edited.write_text(
