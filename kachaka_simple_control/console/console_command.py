@@ -34,7 +34,10 @@ from kachaka_simple_control.console.preview import PreviewWorker
 from kachaka_simple_control.console.reports import Reports
 from kachaka_simple_control.console.running_drive import RunningDrive
 from kachaka_simple_control.console.security import bracketed, is_loopback, Tokens
+from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.exit_codes import BAD_USAGE, DONE, FAULTED, OneLineParser, SIGNALLED
+from kachaka_simple_control.files.document import FileError
+from kachaka_simple_control.files.robot_profile import find_robot
 from kachaka_simple_control.kachaka.program import (
     add_simulation_options,
     address_argument,
@@ -70,6 +73,7 @@ def main(args: Sequence[str] | None = None) -> int:
     options = parse(sys.argv[1:] if args is None else args)
     try:
         reports = Reports(options.reports)
+        _require_usable(options.robot, reports)
         return run(options, drive_factory(options, reports), reports)
     except ExitError as error:
         print(f'{PROGRAM}: {escaped(error, 400)}', file=sys.stderr)
@@ -152,6 +156,26 @@ def run(
     except ImportError:
         raise ExitError(FAULTED, TORNADO_MISSING) from None
     return asyncio.run(_run(options, make_drive, reports or Reports(None)))
+
+
+def _require_usable(robot: str | None, reports: Reports) -> None:
+    """
+    Refuse a robot and a folder of reports with which each drive process would fail.
+
+    :param robot: the name or the path of the robot's profile; None for the default
+    :param reports: the reports of the drives
+    :raises ExitError: if there is no such robot, its profile is invalid, or no report can be
+        written
+    """
+    try:
+        if robot is not None:
+            find_robot(robot)
+        reports.require_writable()
+    except FileError as error:
+        # One line, also for a profile with several problems.
+        raise ExitError(BAD_USAGE, str(error).splitlines()[0]) from None
+    except UsageError as error:
+        raise ExitError(BAD_USAGE, error) from None
 
 
 def _parser() -> OneLineParser:

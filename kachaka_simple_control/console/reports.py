@@ -16,6 +16,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+import tempfile
+
+from kachaka_simple_control.errors import UsageError
 
 #: The file of a report that a browser can show.
 PAGE = 'report.html'
@@ -33,6 +36,23 @@ class Reports:
         self.newest: int | None = None
         self._directory = None if directory is None else Path(directory).absolute()
         self._number = 0
+
+    def require_writable(self) -> None:
+        """
+        Create the folder, unless it exists, and check that a report can be written to it.
+
+        :raises UsageError: if it cannot be created or written to
+        """
+        if self._directory is None:
+            return
+        try:
+            self._directory.mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile(dir=self._directory):
+                pass
+        except OSError as error:
+            raise UsageError(
+                f'--reports {self._directory} cannot be written to ({error.strerror}): name '
+                'another folder') from None
 
     def options(self) -> list[str]:
         """Return the options for the next drive process, with a folder that is not there yet."""

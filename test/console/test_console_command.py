@@ -73,6 +73,33 @@ def test_a_folder_that_is_not_there_is_one_line(capsys: pytest.CaptureFixture[st
     assert "the folder '/nowhere' cannot be opened" in capsys.readouterr().err
 
 
+@pytest.mark.needs('tornado', 'yaml', 'jsonschema')
+def test_a_robot_that_no_drive_could_use_is_one_line(
+        capsys: pytest.CaptureFixture[str], tmp_path: Path):
+    assert 2 == main(['--no-browser', '--port', '0', '--robot', 'nope'])
+    text = capsys.readouterr().err
+    assert text.startswith('kachaka_console: nope: there is no robot of this name; ')
+    assert 1 == text.count('\n')
+    profile = tmp_path / 'robot.yaml'
+    profile.write_text('extends: kachaka\nlimits:\n  speed: 1\n  size: 2\n')
+    assert 2 == main(['--no-browser', '--port', '0', '--robot', str(profile)])
+    text = capsys.readouterr().err
+    assert text.startswith(f'kachaka_console: {profile}:')
+    assert 1 == text.count('\n')
+
+
+@pytest.mark.needs('tornado', 'yaml', 'jsonschema')
+def test_reports_that_no_drive_could_write_are_one_line(
+        capsys: pytest.CaptureFixture[str], tmp_path: Path):
+    file = tmp_path / 'file'
+    file.touch()
+    for name in (file, file / 'reports', '/proc/x'):
+        assert 2 == main(['--no-browser', '--port', '0', '--reports', str(name)])
+        text = capsys.readouterr().err
+        assert text.startswith(f'kachaka_console: --reports {name} cannot be written to (')
+        assert text.endswith('): name another folder\n')
+
+
 def test_the_console_needs_no_ros():
     code = ('import sys; from kachaka_simple_control.console import console_command, hub, server; '
             'sys.exit(any(name.partition(".")[0] in ("rclpy", "geometry_msgs") '
