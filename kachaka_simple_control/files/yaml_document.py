@@ -201,7 +201,8 @@ def parse_yaml(text: str) -> Document:
     loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
     reader = _YamlReader(yaml.parse(text, Loader=loader))
     try:
-        return reader.document()
+        # Only a text of comments has characters, but no values.
+        return reader.document(is_empty=not text.strip('\ufeff \t\r\n'))
     except yaml.YAMLError as error:
         raise UnreadableFileError(*reader.problems, _not_yaml(error, text)) from None
 
@@ -218,14 +219,20 @@ _YAML_ADVICE = {
 
 
 def _not_yaml(error: Any, text: str) -> Problem:
-    mark = getattr(error, 'problem_mark', None) or getattr(error, 'context_mark', None)
+    mark: Any = (
+        getattr(error, 'problem_mark', None) or getattr(error, 'context_mark', None))
     reason = getattr(error, 'problem', None) or getattr(error, 'context', None) or 'no reason'
     for pattern, advice in _YAML_ADVICE.items():
         if re.search(pattern, reason):
             reason = advice
+    if 'end of stream' in reason and 'quoted' in (getattr(error, 'context', None) or ''):
+        # The end of the file says less than the quote that is open there.
+        mark, reason = error.context_mark, 'close the quote that begins here'
     lines = re.split('\r\n|\r|\n', text)[mark.line:mark.line + 1] if mark else []
     found = ''.join(lines)[mark.column:mark.column + 1] if mark else ''
-    if 'cannot start any token' in reason and found:
+    if found == '\t' and not ''.join(lines)[:mark.column].strip():
+        reason = 'a tab indents this line; indent with spaces'
+    elif 'cannot start any token' in reason and found:
         advice = 'indent with spaces' if found == '\t' else 'put the text in quotes'
         reason = f'nothing can begin with {quoted(found)} here; {advice}'
     return Problem(
@@ -283,13 +290,15 @@ class _YamlReader:
         #: the last value that has a key: its mapping, its key and its event
         self._last: tuple[Node, str, Any] | None = None
 
-    def document(self) -> Document:
+    def document(self, is_empty: bool) -> Document:
         root: Node | None = None
         for event in self._events:
             if root is not None and _kind(event) == 'DocumentStart':
                 raise self._given_up('a second document begins here; a file has one', _line(event))
             if _kind(event) in ('Scalar', 'Alias', 'MappingStart', 'SequenceStart'):
                 root = self._value(event)
+        if root is None and not is_empty:
+            root = Node(1, {})
         if root is None or (root.data is None and not self.problems):
             raise UnreadableFileError(Problem('the file is empty'))
         return Document(root, self.problems)

@@ -97,6 +97,25 @@ def test_what_is_no_text_is_refused(tmp_path, data, line):
     assert str(caught.value) == f'{path}:{"" if line[0].isdigit() else " "}{line}'
 
 
+@pytest.mark.parametrize('text, line', [
+    ('steps:\n  - forward: 0.5 m\n\t- turn: 90 deg\n',
+     '3: this is not YAML: a tab indents this line; indent with spaces'),
+    ('steps:\n  - forward: 0.5 m\n  \t- turn: 90 deg\n',
+     '3: this is not YAML: a tab indents this line; indent with spaces'),
+    ('steps:\n\t- forward: 0.5 m\n',
+     '2: this is not YAML: a tab indents this line; indent with spaces'),
+    ("steps:\n  - forward: '0.5 m\n", '2: this is not YAML: close the quote that begins here'),
+    ('steps:\n  - forward: "0.5 m\n  - turn: 90 deg\n',
+     '2: this is not YAML: close the quote that begins here'),
+    ('# my square\n# one metre\n',
+     "1: 'steps' is missing: a list of steps, each beginning with '- '"),
+])
+@pytest.mark.parametrize('loader', ['CSafeLoader', 'SafeLoader'])
+def test_a_mistake_of_a_beginner_is_named_at_its_line(monkeypatch, text, line, loader):
+    monkeypatch.setattr(yaml, 'CSafeLoader', getattr(yaml, loader, yaml.SafeLoader), raising=False)
+    assert refusal(text) == [f'bad.yaml:{line}']
+
+
 def test_a_file_of_the_largest_size_is_read(tmp_path):
     path = tmp_path / 'large.yaml'
     path.write_bytes(b'steps: []'.ljust(MEGABYTE))
