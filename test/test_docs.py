@@ -68,6 +68,12 @@ def test_python_compiles(block):
     ast.parse(textwrap.dedent(block.text), filename=str(block))
 
 
+@pytest.mark.parametrize(
+    'block', [b for b in ALL if b.file and '\ndef main(' in b.text], ids=str)
+def test_a_whole_program_also_runs_without_an_entry_point(block):
+    assert "\nif __name__ == '__main__':\n    main()" in block.text
+
+
 @pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_no_placeholder_is_left(path):
     left = placeholders(path.read_text())
