@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
+import re
 import shutil
 import textwrap
 
@@ -72,6 +73,15 @@ def test_python_compiles(block):
     'block', [b for b in ALL if b.file and '\ndef main(' in b.text], ids=str)
 def test_a_whole_program_also_runs_without_an_entry_point(block):
     assert "\nif __name__ == '__main__':\n    main()" in block.text
+
+
+@needs_source
+def test_the_first_page_has_a_row_for_each_page():
+    text = ROOT.joinpath('docs', 'index.md').read_text()
+    table, _, tree = text.partition('```{toctree}')
+    pages = re.findall(r'^([a-z_]+(?:/[a-z_]+)?)$', tree, re.MULTILINE)
+    assert 'console' in pages
+    assert [page for page in pages if f'({page}.md)' not in table] == []
 
 
 @pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
