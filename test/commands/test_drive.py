@@ -23,7 +23,7 @@ from kachaka_simple_control.control.timing import STOP_REQUEST_WINDOW
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.comparison import read_drive, require_same
-from program import COMMAND, final_pose, program, Program, script
+from program import COMMAND, final_pose, Program, program, script
 import pytest
 from terminals import at_terminal
 from waiting import wait_until
