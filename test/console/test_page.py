@@ -436,6 +436,23 @@ def test_the_plan_is_drawn_to_scale(page):
         f'Plan from above: area {page.text("#plan-area")}')
 
 
+def test_the_whole_robot_stays_in_the_picture_when_it_leaves_the_plan(page):
+    type_text(page, 'name: mine\nsteps:\n  - forward: 0.1 m\n')
+    page.wait(lambda: page.text('#plan-steps') == '1', 'the plan')
+    page.take()
+    for key, duration in ((W, 2.5), ('a', 1.0)):
+        page.keys().key_down(key).perform()
+        time.sleep(duration)
+        page.keys().key_up(key).perform()
+        time.sleep(QUIET)
+        robot, picture = page.run(
+            'return [".robot-driven", "#plan-svg"].map(part => {'
+            '    const box = document.querySelector(part).getBoundingClientRect();'
+            '    return [box.left, box.top, -box.right, -box.bottom];'
+            '})')
+        assert all(inner > outer for inner, outer in zip(robot, picture))
+
+
 def test_a_motion_runs_after_the_question_about_the_floor(page):
     page.take()
     page.wait(lambda: page.find('#run').is_enabled(), 'the run button')
@@ -515,3 +532,4 @@ def test_a_drive_by_hand_is_recorded_saved_and_opened_again(page, folder):
     page.wait(lambda: file in page.text('#choice'), 'the file in the list')
     page.click('#save')
     page.wait(lambda: page.text('#save-result').endswith(f'Replace {file}'), 'that it exists')
+    assert page.find('#save-result').value_of_css_property('padding-left') != '0px'

@@ -13,6 +13,8 @@ const EMPTY_BOX = [-1, -0.75, 1, 0.75];
 /** Points of the driven path closer than this are not kept [m]. */
 const TRAIL_STEP = 0.005;
 const MOST_TRAIL_POINTS = 6_000;
+/** What is drawn for a robot whose outline is unknown [m]. */
+const ARROW = [[0.1, 0], [-0.07, 0.07], [-0.07, -0.07]];
 
 /** Draws into one SVG element, in its own pixels, so that text keeps its size. */
 export class PlanView {
@@ -21,6 +23,7 @@ export class PlanView {
     this.svg = svg;
     this.plan = null;
     this.footprint = null;
+    this.shape = ARROW;
     this.trail = [];
     this.poses = {planned: null, driven: null};
     this.origin = null;
@@ -43,6 +46,7 @@ export class PlanView {
   /** Show the outline of a robot [m]. */
   setFootprint(footprint) {
     this.footprint = footprint;
+    this.shape = footprint ?? ARROW;
     this.draw();
   }
 
@@ -75,11 +79,10 @@ export class PlanView {
     this.poses = {planned, driven};
     if (driven !== null) {
       const last = this.trail.at(-1);
-      const isNew = last === undefined ||
-        Math.hypot(driven[0] - last[0], driven[1] - last[1]) >= TRAIL_STEP;
-      if (isNew) this.trail.push(driven);
+      const step = last ? Math.hypot(driven[0] - last[0], driven[1] - last[1]) : Infinity;
+      if (step >= TRAIL_STEP) this.trail.push(driven);
       if (this.trail.length > MOST_TRAIL_POINTS) this.trail.shift();
-      if (!this.isInside(driven)) {
+      if (!this.isInView(driven)) {
         this.draw();
         return;
       }
@@ -87,10 +90,10 @@ export class PlanView {
     this.drawLive();
   }
 
-  /** Return whether a pose lies in the shown box. */
-  isInside([x, y]) {
-    const [x0, y0, x1, y1] = this.box;
-    return x >= x0 && x <= x1 && y >= y0 && y <= y1;
+  /** Return whether the whole outline at a pose lies in the picture, its edge left free. */
+  isInView(pose) {
+    const [x0, y0, x1, y1] = boxOf(outlineAt(this.shape, pose).map(corner => this.at(corner)));
+    return Math.min(x0, y0, this.width - x1, this.height - y1) >= MARGIN / 2;
   }
 
   /** Fit the box to the plan and the driven path, and draw all. */
@@ -99,13 +102,13 @@ export class PlanView {
     this.height = this.svg.clientHeight || 400;
     let box = this.area;
     if (this.trail.length > 0) {
-      const grown = boxOf(this.trail);
-      const edge = 0.3;
-      const trailBox = [grown[0] - edge, grown[1] - edge, grown[2] + edge, grown[3] + edge];
+      const [left, low, right, high] = boxOf(this.trail);
+      // More than the outline needs, so that a robot that goes on is not drawn anew at each pose.
+      const edge = Math.max(...this.shape.map(([x, y]) => Math.hypot(x, y))) + 0.1;
+      const trailBox = [left - edge, low - edge, right + edge, high + edge];
       box = box === null ? trailBox : joinBoxes(box, trailBox);
     }
-    this.box = box ?? EMPTY_BOX;
-    const [x0, y0, x1, y1] = this.box;
+    const [x0, y0, x1, y1] = box ?? EMPTY_BOX;
     this.scale = Math.min(
       (this.width - 2 * MARGIN) / Math.max(x1 - x0, 0.2),
       (this.height - 2 * MARGIN) / Math.max(y1 - y0, 0.2));
@@ -155,10 +158,8 @@ export class PlanView {
 
   /** Say that there is no plan. */
   drawEmpty() {
-    this.add('text', {
-      class: 'empty-text halo', 'text-anchor': 'middle',
-      x: this.width / 2, y: 30,
-    }, 'No plan to show');
+    const place = {x: this.width / 2, y: 30, 'text-anchor': 'middle'};
+    this.add('text', {class: 'empty-text halo', ...place}, 'No plan to show');
   }
 
   /** Draw area, outlines, path, arrows and turns. */
@@ -230,12 +231,11 @@ export class PlanView {
     }
   }
 
-  /** Return the outline at a pose with a tick ahead; a small arrow if the outline is unknown. */
+  /** Return the outline at a pose with a tick ahead. */
   bodyPath(pose) {
-    const shape = this.footprint ?? [[0.1, 0], [-0.07, 0.07], [-0.07, -0.07]];
-    const front = Math.max(...shape.map(corner => corner[0]));
+    const front = Math.max(...this.shape.map(corner => corner[0]));
     const tick = outlineAt([[front * 0.45, 0], [front, 0]], pose);
-    return `M${this.text(outlineAt(shape, pose))} Z M${this.text(tick)}`;
+    return `M${this.text(outlineAt(this.shape, pose))} Z M${this.text(tick)}`;
   }
 }
 
