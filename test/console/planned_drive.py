@@ -71,6 +71,7 @@ if __name__ == '__main__':
             parse([*sys.argv[1:], '--no-browser']),
             partial(DriveProcess, lambda: [sys.executable, __file__])))
     options = argparse.Namespace(
-        record=None, refuse=False, deaf=False, no_odometry=False, duration=4.0, start_delay=0.0,
+        record=None, refuse=False, deaf=False, no_odometry=False, stopped=None,
+        duration=4.0, start_delay=0.0,
         battery=0.8, errors='', report=None)
     sys.exit(PlannedDrive(options).run())
