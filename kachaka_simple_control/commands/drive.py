@@ -88,8 +88,11 @@ def drive(options: Options) -> DriveLog:
         start_ros(options.ros_arguments)
         robot_control = KachakaSimpleControl(
             in_file(motion_file), parameter_overrides=_parameters(options))
-        subscribers = stack.enter_context(
-            subscriber_process.SubscriberProcesses(robot_control.event_bus))
+        subscribers = subscriber_process.SubscriberProcesses(robot_control.event_bus)
+        if options.prints_table:
+            # Printed when the bridge has ended and the report is written, also after a fault.
+            stack.callback(_print_table, robot_control, subscribers)
+        stack.enter_context(subscribers)
         remote = _remote_control(stack, robot_control, reports, options)
         try:
             reporter = _start_subscribers(
@@ -125,13 +128,25 @@ def drive(options: Options) -> DriveLog:
                 subscribers.stop_confirmed_after = robot_control.stop_confirmed_after
                 robot_control.destroy_node()
                 rclpy.try_shutdown()
-    log = robot_control.drive_log
-    if options.prints_table and log.steps:
-        print_result(drive_table(
-            log, subscribers.stop_confirmed_after, terminal_columns()), 'the table')
     if reporter is not None and (reporter.exit_code or reporter.failure is not None):
         raise RunFaultError(f'the report in {options.report} is incomplete')
-    return log
+    return robot_control.drive_log
+
+
+def _print_table(
+        robot_control: KachakaSimpleControl,
+        subscribers: subscriber_process.SubscriberProcesses) -> None:
+    """
+    Print what was requested, sent and driven; print nothing if no step was started.
+
+    :param robot_control: the node that drove the robot
+    :param subscribers: the object that knows when odometry confirmed the stop
+    :raises RunFaultError: if the table cannot be printed
+    """
+    log = robot_control.drive_log
+    if log.steps:
+        print_result(drive_table(
+            log, subscribers.stop_confirmed_after, terminal_columns()), 'the table')
 
 
 def _reports() -> ReportWriter:

@@ -85,6 +85,20 @@ def test_a_table_that_cannot_be_printed_is_one_line_after_the_drive(tmp_path):
     assert started.text.count('No space left') == 1
 
 
+def test_after_a_fault_there_is_a_table_too(tmp_path):
+    with program([*COMMAND, 'straight', '--sim'], tmp_path) as started:
+        started.wait_for_text('step 1 of 1')
+        time.sleep(0.5)
+        started.send(signal.SIGSTOP)
+        time.sleep(0.5)
+        started.send(signal.SIGCONT)
+        assert started.end() == 1
+    *_, row, _, pose, fault = started.text.splitlines()
+    assert row.startswith('forward 1 m; cut short')
+    assert pose.startswith('Final pose by odometry: ')
+    assert fault.startswith('kachaka_simple_control: the guardian stopped the robot: ')
+
+
 @pytest.mark.parametrize('signals, code', [
     ([signal.SIGINT] * 2, 130), ([signal.SIGTERM], 143)])
 def test_stopped_by_a_signal_it_says_so_once(signals, code, tmp_path):
