@@ -95,7 +95,7 @@ def drive(options: Options) -> DriveLog:
         stack.enter_context(subscribers)
         remote = _remote_control(stack, robot_control, reports, options)
         try:
-            reporter = _start_subscribers(
+            reporter = subscribers.required = _start_subscribers(
                 subscribers, options, motion_file is None, robot_control.session.guardian_memory)
             is_shown = not options.is_quiet and terminal.is_terminal(STDERR)
             keys = _keys(robot_control) if is_shown else {}
@@ -129,7 +129,9 @@ def drive(options: Options) -> DriveLog:
                 robot_control.destroy_node()
                 rclpy.try_shutdown()
     if reporter is not None and (reporter.exit_code or reporter.failure is not None):
-        raise RunFaultError(f'the report in {options.report} is incomplete')
+        # Without a reason here, the process itself has printed one.
+        reason = '' if reporter.failure is None else f': {reporter.failure}'
+        raise RunFaultError(f'the report in {options.report} is incomplete{reason}')
     return robot_control.drive_log
 
 

@@ -242,6 +242,9 @@ class SubscriberProcesses:
     def __init__(self, event_bus: EventBus) -> None:
         self._event_bus = event_bus
         self._subscribers: list[SubscriberProcess] = []
+        #: the process whose failure the program itself reports, if the program ends without a
+        #: signal or an error; None if there is none
+        self.required: SubscriberProcess | None = None
         #: the time from the start of the stop until odometry showed standstill [s]; None if it
         #: showed none
         self.stop_confirmed_after: float | None = None
@@ -299,7 +302,9 @@ class SubscriberProcesses:
             # Do not use the event bus: the bus of a destroyed node is closed.
             subscriber.send(ended)
             subscriber.close(timeout)
-            if subscriber.failure is not None:
+            is_reported = (
+                subscriber is self.required and error is None and signal_dispatcher.signum is None)
+            if subscriber.failure is not None and not is_reported:
                 with contextlib.suppress(OSError):  # the terminal may be closed
                     print('kachaka_simple_control: what was shown or reported ends early: '
                           f'{subscriber.failure}', file=sys.stderr, flush=True)

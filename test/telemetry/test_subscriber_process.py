@@ -13,6 +13,7 @@
 # limitations under the License.
 """Subscribers never delay the process that publishes."""
 
+import contextlib
 import io
 import sys
 import threading
@@ -25,15 +26,20 @@ from kachaka_simple_control.control.events import (
     SessionEnded,
     VelocitySent,
 )
+from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.errors import RunFaultError
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.subscriber_process import (
     ATOMIC_WRITE_SIZE,
     decode,
     encode,
     SubscriberProcess,
+    SubscriberProcesses,
 )
+import pytest
 
 LONG = MotionPlanned(
     Motion('long', tuple(Move(0.1, 0.001 * k, 0.1) for k in range(1000))), Limits(0.3, 1.5), 10.0)
@@ -105,3 +111,21 @@ def test_a_subscriber_that_does_not_read_does_not_delay_the_publisher():
     assert subscriber.close(0.0) is None
     subscriber._process.kill()
     subscriber._process.wait()
+
+
+@pytest.mark.parametrize('is_required, error, signum, lines', [
+    (False, None, None, 1), (True, None, None, 0), (True, RunFaultError('x'), None, 1),
+    (True, None, 2, 1)])
+def test_a_failure_is_told_unless_the_program_tells_it(
+        is_required, error, signum, lines, monkeypatch, capfd):
+    """The program tells it as its own error: it has none, or prints none, in the other cases."""
+    monkeypatch.setattr(signal_dispatcher, 'signum', signum)
+    subscribers, subscriber = SubscriberProcesses(EventBus()), subscriber_of('')
+    subscribers.add(subscriber)
+    subscribers.required = subscriber if is_required else None
+    subscriber.fail('it did not keep up')
+    with contextlib.suppress(RunFaultError), subscribers:
+        if error is not None:
+            raise error
+    assert capfd.readouterr().err == lines * (
+        'kachaka_simple_control: what was shown or reported ends early: it did not keep up\n')
