@@ -53,6 +53,7 @@ from kachaka_simple_control.ros.dds_transport import start_on_this_machine, use_
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.introspection import IntrospectionPublishers
 from kachaka_simple_control.ros.names import INTROSPECTION_TOPICS, names_of
+from kachaka_simple_control.ros.node_parameters import require_no_parameter
 from kachaka_simple_control.ros.odometry import subscribe_to_odometry
 from kachaka_simple_control.ros.parameters import declare_parameters
 from kachaka_simple_control.ros.session import Session
@@ -109,8 +110,10 @@ class KachakaSimpleControl(Node):
         :param sim: whether to start a simulated robot, which is visible only on this machine; when
             the node is closed, a table with the results of the drive is printed
         :param node_options: options of ``rclpy.node.Node``, for example ``namespace``
-        :raises UsageError: if the value of a parameter, or a ROS name, is invalid
+        :raises UsageError: if the value of a parameter, or a ROS name, is invalid, or a parameter
+            is among the options
         """
+        require_no_parameter(node_options)
         if sim:
             start_on_this_machine(self)
             parameter_defaults = {'summary': True, **(parameter_defaults or {})}
@@ -213,8 +216,8 @@ class KachakaSimpleControl(Node):
         :param request: the accepted request for this drive, if another thread has already called
             ``session.request``; None to request the drive now
         :param rate: how often a velocity is sent [Hz]; None for the parameter ``rate``
-        :raises UsageError: if ``motion`` is not a ``Motion``, or the rate is too low or too high
-            for the robot; nothing has moved
+        :raises UsageError: if ``motion`` is not a ``Motion``, ``limits`` are not ``Limits``, or
+            the rate is too low or too high for the robot; nothing has moved
         :raises InvalidMotionError: if the robot cannot drive the motion; nothing has moved
         :raises RobotNotFoundError: if no robot receives the velocities; nothing has moved
         :raises ControlError: if the motion could not be completed; the robot was stopped
@@ -224,6 +227,10 @@ class KachakaSimpleControl(Node):
                 f'run() drives a Motion, not {escaped(repr(motion), 60)}: make one by '
                 "Motion('name', steps), or take one of a file by find('square').motion, from "
                 'kachaka_simple_control.files.library')
+        if not isinstance(limits, Limits | None):
+            raise UsageError(
+                f'limits are {escaped(repr(limits), 60)}: they must be Limits, as in '
+                'dataclasses.replace(robot.profile.planning_limits, max_linear_velocity=0.1)')
         rate = self.node_parameters.rate if rate is None else require_number('rate', rate, 'Hz')
         if problem := rate_problem(rate, self.profile.command_timeout, self.profile.name):
             raise UsageError(f'rate is {problem}')

@@ -19,7 +19,7 @@ This module also reads and checks parameters on a command line.  It does not nee
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from difflib import get_close_matches
 from itertools import pairwise
@@ -90,6 +90,21 @@ class NodeParameters:
         '0: as the motion says', 0.0, 1.0)
     summary: bool = _parameter(
         False, 'Record what is sent and what odometry reports, for the table at the end')
+
+
+def require_no_parameter(options: Mapping[str, Any]) -> None:
+    """
+    Check that the options of a node in a program are not parameters.
+
+    :param options: the options, by name
+    :raises UsageError: if one of them has the name of a parameter
+    """
+    for parameter in fields(NodeParameters):
+        if parameter.name in options:
+            name, value = parameter.name, escaped(repr(options[parameter.name]), 60)
+            raise UsageError(
+                f'{name} is a parameter of the node: write KachakaSimpleControl({{{name!r}: '
+                f'{value}}}), or use parameter_overrides')
 
 
 def parameter_arguments(arguments: Sequence[str]) -> dict[str, str]:

@@ -33,6 +33,7 @@ from optional_libraries import optional_imports
 import pytest
 
 with optional_imports():
+    from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
     from rclpy.executors import SingleThreadedExecutor
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
@@ -44,10 +45,21 @@ def test_what_is_no_motion_is_refused_with_what_to_do(make, motion):
         make().run(motion)
 
 
+@pytest.mark.parametrize('limits', ['slow', 0.1, {'max_linear_velocity': 0.1}])
+def test_what_are_no_limits_is_refused_with_what_to_do(make, limits):
+    with pytest.raises(UsageError, match=r'limits are .*planning_limits, max_linear_velocity'):
+        make().run(Motion('ahead', (Forward(0.1),)), limits)
+
+
 @pytest.mark.parametrize('rate', [0.0, 1.0, 2000.0, math.nan])
 def test_a_rate_that_the_robot_cannot_be_driven_at_is_refused(make, rate):
     with pytest.raises(UsageError, match=r'rate is .* Hz; for kachaka it must be from .* to '):
         make().run(Motion('ahead', (Forward(0.1),)), rate=rate)
+
+
+def test_a_parameter_that_is_given_as_an_option_is_refused_with_what_to_do():
+    with pytest.raises(UsageError, match=r'rate is a parameter.*\{.rate.: 5000\}.*overrides'):
+        KachakaSimpleControl(sim=True, rate=5000)
 
 
 @pytest.mark.parametrize('arguments, text', [
