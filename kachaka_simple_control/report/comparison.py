@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import errno
-from itertools import chain
+from itertools import chain, combinations
 import json
 import math
 import os
@@ -81,6 +81,8 @@ class DriveEnd:
     :param error: the end pose from odometry minus the planned end pose
     :param late: the number of planned velocity messages that were not sent on time
     :param paths: two paths as lists of points [m], with the keys ``planned`` and ``odometry``
+    :param began: the time at which the drive began, as text; None if the report has none
+    :param title: the title of the report; None if it has none
     """
 
     name: str
@@ -89,6 +91,17 @@ class DriveEnd:
     error: End
     late: int
     paths: dict[str, list[Point]]
+    began: str | None
+    title: str | None
+
+    def is_copy_of(self, other: DriveEnd) -> bool:
+        """
+        Return whether two reports are of the same drive.
+
+        :param other: the drive in the other report
+        """
+        return self.began is not None and (
+            self.began, self.title, self.error) == (other.began, other.title, other.error)
 
 
 @dataclass(frozen=True)
@@ -172,7 +185,8 @@ def _drive_end(name: str, data: dict[str, Any]) -> DriveEnd:
     if not (paths['planned'] and paths['odometry']):
         raise ValueError('a path is empty')
     return DriveEnd(name, tuple(str(motion['name']) for motion in data['motions']), planned,
-                    error, int(timing['late']) + int(timing['lost']), paths)
+                    error, int(timing['late']) + int(timing['lost']), paths, data.get('began'),
+                    data.get('title'))
 
 
 def _finite(value: object) -> float:
@@ -197,14 +211,18 @@ def _end(values: dict[str, Any] | None) -> End | None:
 
 def require_same(drives: Sequence[DriveEnd]) -> None:
     """
-    Check that there are at least two drives, and that all are drives of the same motion.
+    Check that there are at least two drives, all different, and all of the same motion.
 
     :param drives: the ends of the drives
-    :raises UsageError: if there are fewer than two drives, or if the names of the motions or the
-        planned end poses differ
+    :raises UsageError: if there are fewer than two drives, if two reports are of the same drive,
+        or if the names of the motions or the planned end poses differ
     """
     if len(drives) < 2:
         raise UsageError('two drives or more can be compared; name their reports')
+    for one, other in combinations(drives, 2):
+        if one.is_copy_of(other):
+            raise UsageError(f'{one.name} and {other.name} are reports of the same drive, which '
+                             'is always like itself')
     first = drives[0]
     for other in drives[1:]:
         if other.motions != first.motions or any(

@@ -17,6 +17,7 @@ import json
 import math
 import os
 import re
+import shutil
 
 from golden import answers, compare
 from kachaka_simple_control.analysis.summary import Summary
@@ -148,3 +149,22 @@ def test_a_drive_is_not_compared_with_itself(reports, run, tmp_path, again):
     (tmp_path / 'link').symlink_to('a')
     assert run('a', again) == (
         2, '', 'kachaka_compare: a is named twice: a drive is always like itself\n')
+
+
+def test_a_drive_is_not_compared_with_a_copy_of_its_report(reports, run, tmp_path):
+    reports('a')
+    reports('b', gain=0.99)
+    edit(tmp_path / 'a', began='2026-11-26T05:00:00.000+00:00', title='square')
+    edit(tmp_path / 'b', began='2026-11-26T05:01:00.000+00:00', title='square')
+    shutil.copytree(tmp_path / 'a', tmp_path / 'copy')
+    assert run('a', 'b')[0] == 0
+    code, output, errors = run('a', 'b', 'copy')
+    assert (code, output) == (2, '')
+    assert errors == ('kachaka_compare: a and copy are reports of the same drive, which is always '
+                      'like itself\n')
+
+
+def edit(directory, **values):
+    """Change values in a report."""
+    file = directory / 'run.json'
+    file.write_text(json.dumps({**json.loads(file.read_text()), **values}))
