@@ -29,7 +29,7 @@ help:  ## print this list
 	@echo 'make TARGET [PYTHON=python3.12] [DISTRO=kilted]'
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile
 
-run: setup  ## set up (30 s, once), then drive a simulated robot; 11 s
+run: setup  ## set up (about a minute, once), then drive a simulated robot; 11 s
 	$(VENV)/bin/kachaka_simple_control --sim
 
 console: setup  ## set up, then serve the console of a simulated robot, for a browser on this machine
@@ -94,7 +94,7 @@ docs:  ## build docs/ as a site in docs/_build, and do what it tells a reader to
 	    -d docs/_build/doctrees docs docs/_build/$(DOCS)
 	$(VENV)-colcon/bin/python -m pytest -rs -n 4 --dist worksteal test/test_docs.py
 
-setup:  ## make the environment, if what it is made from has changed; 30 s
+setup:  ## make the environment, if what it is made from has changed; about a minute
 	$(SET_UP) $(VENV)
 
 # Debian names it one way, Ubuntu the other.

@@ -124,6 +124,12 @@ def test_readme_says_what_a_machine_without_ros_needs():
     assert f'Python 3.10 to 3.{environment.NEWEST_PYTHON[1]}: for others PyPI' in readme
 
 
+@pytest.mark.parametrize('name, times', [
+    ('README.md', 1), ('docs/lesson.md', 1), ('Makefile', 2), ('tools/environment.py', 1)])
+def test_all_say_the_same_about_the_time_that_it_takes(name, times):
+    assert ROOT.joinpath(name).read_text().count('about a minute') == times
+
+
 def test_unknown_distro_is_bad_usage(tool):
     result = tool('.venv', '--distro=hydro')
     assert result.returncode == 2

@@ -236,7 +236,7 @@ def set_up(wanted: Recipe) -> None:
     if stamp.is_file() and stamp.read_text() == digest:
         return
     begin = time.monotonic()
-    print(f'set-up: {wanted}; this takes a minute', flush=True)
+    print(f'set-up: {wanted}; this takes about a minute', flush=True)
     with kept_on_failure(wanted.folder):
         make(wanted)
         stamp.write_text(digest)
