@@ -93,8 +93,8 @@ def control_error(error: BaseException) -> ControlError:
 
 #: The end of each message about a program that was blocked: the likely causes and the remedy.
 HELD_UP_ADVICE = (
-    'its machine was busy or suspended, or it was stopped by Ctrl+Z. End what keeps the machine '
-    'busy, and drive again')
+    'its machine was busy or suspended, or it was stopped by Ctrl+Z. If the machine is busy, end '
+    'what keeps it so; then drive again')
 
 
 class PauseTimeoutError(RunFaultError):
