@@ -32,11 +32,12 @@ from kachaka_simple_control.exit_codes import DONE, FAULTED, HELP, OneLineParser
 from kachaka_simple_control.kachaka.program import (
     add_simulation_options,
     address_argument,
+    number_argument,
     SIMULATION_NAMES,
     simulation_parameters,
     simulation_words,
 )
-from kachaka_simple_control.motion.units import point_advice, TOLERANCE, UnitError
+from kachaka_simple_control.motion.units import MINUS, point_advice, TOLERANCE, UnitError
 from kachaka_simple_control.text import escaped
 
 NAME = 'kachaka_simple_control'
@@ -277,7 +278,7 @@ def add_drive_options(parser: OneLineParser) -> None:
     add('--robot', metavar='NAME',
         help='kachaka, turtlebot3, generic, or the path of a profile (default: what the motion '
              'says, or kachaka)')
-    add('--rate', type=float, metavar='HZ',
+    add('--rate', type=number_argument('Hz'), metavar='HZ',
         help='how often a velocity is sent (default: what the motion says, or 10)')
     add('--report', metavar='DIR',
         help='write a report and a recording of the drive to this new directory')
@@ -301,8 +302,9 @@ def _speed(text: str) -> float:
             # A number without % is ambiguous: it may be a fraction or a percentage.
             meant = '1% or 100%' if percent == 1.0 else f'{100.0 * percent:g}%'
             raise argparse.ArgumentTypeError(f'{escaped(text, 60)!r} has no %: write {meant}')
+    problem = 'has a minus, U+2212; it must be' if MINUS in text else 'is not'
     raise argparse.ArgumentTypeError(
-        f'{escaped(text, 60)!r} is not from 1% to 100%, as in 50%; to stop, pause')
+        f'{escaped(text, 60)!r} {problem} from 1% to 100%, as in 50%; to stop, pause')
 
 
 def tolerance(text: str) -> float:

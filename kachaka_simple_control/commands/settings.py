@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 from kachaka_simple_control.control.timing import rate_problem
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
-from kachaka_simple_control.motion.units import point_advice, require_number, TOLERANCE
+from kachaka_simple_control.motion.units import number_advice, require_number, TOLERANCE
 from kachaka_simple_control.ros.node_parameters import NodeParameters, parameter_arguments
 from kachaka_simple_control.text import escaped, quoted
 
@@ -210,16 +210,12 @@ def _number(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        advice = point_advice(text) or 'it must be a number'
+        advice = number_advice(text, UNITS.get(name, ''))
         raise UsageError(f'parameter {name} is {quoted(text, 60)}; {advice}') from None
 
 
 def _tolerance(name: str, text: str) -> float:
-    try:
-        tolerance = float(text)
-    except ValueError:
-        raise UsageError(f'parameter {name} is {quoted(text, 60)}; it must be a number in m, as '
-                         'in 0.05') from None
+    tolerance = _number(name, text)
     try:
         TOLERANCE.require(name, tolerance)
     except InvalidMotionError as error:

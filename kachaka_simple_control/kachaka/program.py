@@ -26,8 +26,10 @@ from dataclasses import dataclass, fields
 import sys
 
 from kachaka_simple_control.control.signals import ShutdownEvent
+from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.exit_codes import DONE
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
+from kachaka_simple_control.motion.units import parse_number, UnitError
 from kachaka_simple_control.text import escaped, quoted
 
 #: The port of the robot's gRPC service (docs/GRPC.md in pf-robotics/kachaka-api).
@@ -112,6 +114,27 @@ def address_argument(text: str) -> Address:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
+def number_argument(unit: str = '') -> Callable[[str], float]:
+    """
+    Return a function that converts a command line argument to a number.
+
+    argparse calls this function as the type of an option.
+
+    :param unit: the unit that the user may write after the number; empty for a ratio
+    """
+    def convert(text: str) -> float:
+        try:
+            return parse_number(text, unit)
+        except UnitError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+    return convert
+
+
+def option_of(name: str) -> str:
+    """Return the command line option of a value, as in ``--dead-time`` for ``dead_time``."""
+    return f"--{name.replace('_', '-')}"
+
+
 def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> None:
     """
     Add the command line options of a simulated robot to an argparse parser.
@@ -126,7 +149,9 @@ def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> No
         help=f'{robot} starts on its charging dock')
     add('--seed', type=int, help='of all noise (default: 0)')
     for figure in fields(SimulationParameters):
-        add(f"--{figure.name.replace('_', '-')}", type=float, metavar=figure.metadata['unit'],
+        unit = figure.metadata['unit']
+        add(option_of(figure.name), type=number_argument(unit),
+            metavar=unit.upper().replace('^', '') or 'F',
             help=f"{figure.metadata['help']} (default: {figure.default})")
 
 
@@ -151,7 +176,7 @@ def simulation_words(options: Mapping[str, object]) -> tuple[str, ...]:
     :returns: the arguments, for example ``--docked`` and ``--lag=0.1``
     """
     return tuple(
-        f"--{name.replace('_', '-')}" + ('' if options[name] is True else f'={options[name]}')
+        option_of(name) + ('' if options[name] is True else f'={options[name]}')
         for name in SIMULATION_NAMES if options[name] is not None)
 
 
@@ -170,8 +195,8 @@ def simulation_parameters(
         return SimulationParameters(
             **{figure.name: value for figure in fields(SimulationParameters)
                if (value := getattr(options, figure.name)) is not None})
-    except ValueError as error:
-        parser.error(str(error))
+    except InvalidMotionError as error:
+        parser.error(f'{option_of(str(error.name))} is {error.message}')
 
 
 class ExitError(Exception):

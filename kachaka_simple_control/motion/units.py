@@ -175,10 +175,7 @@ class Quantity:
     def _hint(self, text: str) -> str:
         if self.units is _SECOND and _CLOCK.match(text):
             return 'write 1:30 as 90 s or 1.5 min'
-        if MINUS in text:
-            plain = quoted(text.replace(MINUS, '-'))
-            return f'its minus is U+2212: write that of the keyboard, {plain}'
-        return point_advice(text) or f'it must be {self.wanted}'
+        return sign_advice(text) or f'it must be {self.wanted}'
 
 
 def point_advice(text: str) -> str | None:
@@ -188,8 +185,58 @@ def point_advice(text: str) -> str | None:
     :param text: the text of the user, as in ``0,5 m``
     :returns: the advice; None if the text does not begin with a number with a decimal comma
     """
+    plain = _with_point(text)
+    return None if plain == text else f'write {quoted(plain)}, with a point'
+
+
+def sign_advice(text: str) -> str | None:
+    """
+    Return the advice for a number with a decimal comma or with the minus sign U+2212.
+
+    :param text: the text of the user, as in ``0,5 m``
+    :returns: the advice; None if the text has no such sign
+    """
+    if MINUS in text:
+        plain = _with_point(text.replace(MINUS, '-'))
+        return f'its minus is U+2212: write that of the keyboard, {quoted(plain)}'
+    return point_advice(text)
+
+
+def _with_point(text: str) -> str:
+    # Matched at the start alone, because a search in a long text takes too long.
     comma = _DECIMAL_COMMA.match(text)
-    return comma and f'write {quoted(f"{comma[1]}.{text[comma.end():]}")}, with a point'
+    return text if comma is None else f'{comma[1]}.{text[comma.end():]}'
+
+
+def number_advice(text: str, unit: str = '') -> str:
+    """
+    Return what to write instead of a text that is not a plain number.
+
+    :param text: the text of the user, as in ``0,5`` or ``50 Hz``
+    :param unit: the unit of the number; empty for a ratio
+    """
+    number = text.strip().removesuffix(unit).rstrip()
+    if advice := sign_advice(number):
+        return advice
+    try:
+        float(number)
+    except ValueError:
+        return f'it must be a number in {unit}' if unit else 'it must be a number'
+    return f'write {quoted(number)}, without its unit'
+
+
+def parse_number(text: str, unit: str = '') -> float:
+    """
+    Convert a text, such as ``50`` or ``50 Hz``, to a number.
+
+    :param text: a number, which may be followed by its unit
+    :param unit: the unit of the number; empty for a ratio
+    :raises UnitError: if the text is not such a number
+    """
+    try:
+        return float(text.strip().removesuffix(unit))
+    except ValueError:
+        raise UnitError(f'{quoted(text, 60)}; {number_advice(text, unit)}') from None
 
 
 def _per(units: dict[str, tuple[float, float]], by: str) -> dict[str, tuple[float, float]]:

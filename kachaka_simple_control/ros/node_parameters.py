@@ -38,10 +38,10 @@ QOS_OVERRIDES_PREFIX = 'qos_overrides.'
 
 def _parameter(
         default: Any, description: str, lowest: float = 0.0, highest: float = 0.0,
-        read_only: bool = True) -> Any:
+        unit: str = '', read_only: bool = True) -> Any:
     return field(default=default, metadata={
         'description': description, 'range': (lowest, highest) if highest else None,
-        'read_only': read_only})
+        'unit': unit, 'read_only': read_only})
 
 
 @dataclass(frozen=True)
@@ -60,11 +60,13 @@ class NodeParameters:
         'ROS namespace of the robot; prefixes its topics and its service. By default that of its '
         'profile')
     rate: float = _parameter(
-        10.0, 'How often a velocity is sent [Hz]', min_rate(KACHAKA.command_timeout), MAX_RATE)
+        10.0, 'How often a velocity is sent [Hz]', min_rate(KACHAKA.command_timeout), MAX_RATE,
+        'Hz')
     robot_timeout: float = _parameter(
-        10.0, 'How long to wait for a robot before giving up [s]', 0.1, 3600.0)
+        10.0, 'How long to wait for a robot before giving up [s]', 0.1, 3600.0, 's')
     prime_time: float = _parameter(
-        0.5, 'How long zeros are sent after the robot is matched, before it moves [s]', 0.0, 10.0)
+        0.5, 'How long zeros are sent after the robot is matched, before it moves [s]', 0.0, 10.0,
+        's')
     manual_control: bool = _parameter(
         True, 'Switch the manual control of the robot on before the first velocity, and renew it')
     release_manual_control: bool = _parameter(
@@ -73,13 +75,13 @@ class NodeParameters:
         True, 'Have a second process stop the robot if this one is killed, frozen or crashes')
     odometry_timeout: float = _parameter(
         1.0, 'How long odometry may be silent in a run before it is given up [s]; 0: no limit',
-        0.0, 60.0)
+        0.0, 60.0, 's')
     allow_other_publishers: bool = _parameter(
         False,
         'Drive even while another program sends velocities to the same robot; two instances of '
         'this program still exclude each other')
     pause_timeout: float = _parameter(
-        600.0, 'How long a run may be paused before it is given up [s]', 1.0, 86_400.0)
+        600.0, 'How long a run may be paused before it is given up [s]', 1.0, 86_400.0, 's')
     speed_factor: float = _parameter(
         1.0, 'Speed relative to the plan, 1: as planned; can be changed while the robot drives',
         MIN_SPEED_FACTOR, 1.0, read_only=False)
@@ -87,7 +89,7 @@ class NodeParameters:
         False, 'Correct motions by odometry; the delay of the robot must be calibrated')
     corners: float = _parameter(
         0.0, 'How far a motion may pass its corners, to drive through them without a stop [m]; '
-        '0: as the motion says', 0.0, 1.0)
+        '0: as the motion says', 0.0, 1.0, 'm')
     summary: bool = _parameter(
         False, 'Record what is sent and what odometry reports, for the table at the end')
 

@@ -25,6 +25,7 @@ from kachaka_simple_control.control.events import SessionStarted
 from kachaka_simple_control.control.timing import MAX_RATE, min_rate
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
+from kachaka_simple_control.motion.units import number_advice
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.node_parameters import NodeParameters
 from kachaka_simple_control.text import escaped, quoted
@@ -78,14 +79,16 @@ def _declare(
     except ParameterException as error:
         allowed = f' It must be from {bounds[0]:g} to {bounds[1]:g}.' if bounds else ''
         raise UsageError(f'{escaped(error)}{allowed}') from None
-    return _number(parameter.name, value, bounds) if bounds else value
+    return _number(parameter, value, bounds) if bounds else value
 
 
-def _number(name: str, value: Any, bounds: tuple[float, float]) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+def _number(parameter: Field[Any], value: Any, bounds: tuple[float, float]) -> float:
+    name, unit = parameter.name, parameter.metadata['unit']
+    if isinstance(value, str):
         raise UsageError(
-            f'parameter {name} is {quoted(str(value), 60) if isinstance(value, str) else value}; '
-            'it must be a number')
+            f'parameter {name} is {quoted(value, 60)}; {number_advice(value, unit)}')
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise UsageError(f'parameter {name} is {value}; it must be a number')
     if not bounds[0] <= value <= bounds[1]:
         raise UsageError(
             f'parameter {name} is {value}; it must be from {bounds[0]:g} to {bounds[1]:g}')

@@ -39,6 +39,13 @@ def test_several_motions_can_be_shown_and_one_driven():
     assert parse(['square', '--sim', '--rate', '50']) == Options(('square',), sim=True, rate=50.0)
 
 
+@pytest.mark.parametrize('words', [
+    '--rate 50 --lag 0.1', '--rate 50Hz --lag 0.1s', '--rate=50_Hz --lag=0.1_s'])
+def test_a_number_may_have_the_unit_of_its_option(words):
+    chosen = parse(['--sim', *(word.replace('_', ' ') for word in words.split())])
+    assert (chosen.rate, chosen.simulation) == (50.0, ('--lag=0.1',))
+
+
 @pytest.mark.parametrize('arguments', [
     ['--list'], ['--plan'], ['--plot', 'square.png'], ['--plan', '--rate', '20']])
 def test_previews_move_nothing(arguments):
@@ -47,7 +54,12 @@ def test_previews_move_nothing(arguments):
 
 #: Command lines that are refused.
 REFUSED = (
-    '--fast', '--rate fast', 'square circle', '--plot', '--report', '--report runs --plan',
+    '--fast', '--rate fast',
+    # Numbers that are written for people, or have the minus of a word processor.
+    '--rate 10,5', '--rate \u221210', '--rate \u22120,5Hz', '--rate 1kHz', '--sim --lag 0,1',
+    '--sim --lag 1min', '--sim --lag=-0.2s', '--sim --undock-velocity 0', '--sim --lag inf',
+    '--sim --odometry-scale 0.4', '--speed=\u221250%',
+    'square circle', '--plot', '--report', '--report runs --plan',
     '--report runs --list', '--report runs --plot square.png', '--plan --sim', '--list --wait',
     '--plot a.png --address robot', '--plan --quiet',
     # Errors without a simulated robot, or impossible ones.

@@ -248,8 +248,8 @@ def test_end_of_the_parent_ends_it():
 
 @pytest.mark.parametrize(('options', 'text'), [
     ((), 'which robot? --sim shows a simulated one'),
-    (('--sim', '--lag', '-1'), 'lag is -1.0; it must be a finite number, 0 or more'),
-    (('--sim', '--velocity-noise', 'much'), "invalid float value: 'much'"),
+    (('--sim', '--lag', '-1'), '--lag is -1.0 s; it must be 0 s or more, and finite'),
+    (('--sim', '--velocity-noise', 'much'), "--velocity-noise: 'much'; it must be a number"),
     (('--sim', '--speed', '3'), 'unrecognized arguments: --speed 3'),
     (('--sim', '--namespace', 'a-b'), "--namespace is '/a-b'; a namespace begins with a slash"),
     (('--sim', '--namespace', 'a' * 230), 'characters; ROS takes 247 at most'),

@@ -131,7 +131,7 @@ def test_its_output_is_shown(stand_in, capsys):
 def test_bridge_refuses_in_one_line():
     """Its exit code is 2 and its last line has the reason."""
     pytest.importorskip('rclpy')
-    with pytest.raises(ControlError, match=r'\(exit code 2\): kachaka_bridge: lag is -1.0'):
+    with pytest.raises(ControlError, match=r'\(exit code 2\): kachaka_bridge: --lag is -1.0'):
         run_until_over(options=['--lag', '-1'])
 
 

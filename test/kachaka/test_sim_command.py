@@ -123,7 +123,7 @@ def test_two_robots_do_not_share_a_port(tmp_path):
 @pytest.mark.parametrize(('arguments', 'words'), [
     (('--grpc-port', '65536'), ["'65536'", '--grpc-port']),
     (('--grpc-port', 'x'), ["'x'"]),
-    (('--lag', '-1'), ['lag is -1.0']),
+    (('--lag', '-1'), ['--lag is -1.0 s']),
     (('--sim',), ['--sim']),
     (('--host', '192.0.2.1', '--grpc-port', '0'), ['192.0.2.1', 'cannot listen']),
     (('--host', 'no such host', '--grpc-port', '0'), ['no such host', 'cannot listen'])])

@@ -159,6 +159,8 @@ def run():
 @pytest.mark.parametrize('parameter, text', [
     ('rate:=4', 'rate is 4 Hz; for kachaka it must be from 5 to 1000 Hz'),
     ('rate:=fast', "parameter rate is 'fast'; it must be a number"),
+    ('robot_timeout:=1,5', "robot_timeout is '1,5'; write '1.5', with a point"),
+    ('robot_timeout:=2s', "robot_timeout is '2s'; write '2', without its unit"),
     ('manual_control:=7', 'manual_control'),
     ('rte:=20', 'there is no parameter rte; did you mean rate?'),
     ('colour:=red', 'there is no parameter colour: robot, robot_namespace, rate, '),

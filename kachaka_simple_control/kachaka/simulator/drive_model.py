@@ -27,13 +27,13 @@ from kachaka_simple_control.files.robot_profile import KACHAKA_TRACK
 from kachaka_simple_control.motion.calibration import OdometryCalibration
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Velocity, ZERO
 
-#: A rule for a simulation parameter: the text for error messages, and a function that returns
-#: whether a value follows the rule.
+#: A rule for a simulation parameter: the text for error messages, with ``{}`` for the unit, and a
+#: function that returns whether a value follows the rule.
 Rule = tuple[str, Callable[[float], bool]]
 FINITE: Rule = 'a finite number', math.isfinite
-ABOVE_0: Rule = 'above 0', lambda value: value > 0.0
-FINITE_ABOVE_0: Rule = 'a finite number above 0', lambda value: 0.0 < value < math.inf
-FINITE_FROM_0: Rule = 'a finite number, 0 or more', lambda value: 0.0 <= value < math.inf
+ABOVE_0: Rule = 'above 0{}', lambda value: value > 0.0
+FINITE_ABOVE_0: Rule = 'above 0{}, and finite', lambda value: 0.0 < value < math.inf
+FINITE_FROM_0: Rule = '0{} or more, and finite', lambda value: 0.0 <= value < math.inf
 
 
 def _figure(default: float, unit: str, text: str, rule: Rule = FINITE_FROM_0) -> Any:
@@ -43,7 +43,7 @@ def _figure(default: float, unit: str, text: str, rule: Rule = FINITE_FROM_0) ->
     Each field of this class is also a command line option.
 
     :param default: the default value
-    :param unit: the unit of the value in the help of the option; F for a factor without a unit
+    :param unit: the unit of the value; empty for a factor
     :param text: the help text of the option
     :param rule: the text for the error message, and a function that returns whether a value is
         valid
@@ -87,52 +87,55 @@ class SimulationParameters:
         every 20 ms
     :param undock_distance: the distance that the robot drives straight off its dock [m]
     :param undock_velocity: the velocity of this motion off the dock [m/s]
-    :raises ValueError: if a value is out of its range.  Only accelerations may be infinite.  Only
-        gains and the veer may be negative.  Accelerations and ``undock_velocity`` must be above 0.
-        The ranges of ``odometry_scale``, ``wheel_ratio`` and ``track_ratio`` are those of
-        ``OdometryCalibration``
+    :raises InvalidMotionError: if a value is out of its range.  Only accelerations may be
+        infinite.  Only gains and the veer may be negative.  Accelerations and ``undock_velocity``
+        must be above 0.  The ranges of ``odometry_scale``, ``wheel_ratio`` and ``track_ratio``
+        are those of ``OdometryCalibration``
     """
 
-    dead_time: float = _figure(0.0, 'S', 'how long after a command the drive begins to follow it')
-    lag: float = _figure(0.0, 'S', 'time constant of the drive')
+    dead_time: float = _figure(0.0, 's', 'how long after a command the drive begins to follow it')
+    lag: float = _figure(0.0, 's', 'time constant of the drive')
     linear_acceleration: float = _figure(
-        math.inf, 'M/S2', 'largest change of the forward velocity', ABOVE_0)
+        math.inf, 'm/s^2', 'largest change of the forward velocity', ABOVE_0)
     angular_acceleration: float = _figure(
-        math.inf, 'RAD/S2', 'largest change of the turning velocity', ABOVE_0)
+        math.inf, 'rad/s^2', 'largest change of the turning velocity', ABOVE_0)
     linear_gain: float = _figure(
-        1.0, 'F', 'forward velocity, by odometry, over the demanded one', FINITE)
-    backward_gain: float = _figure(1.0, 'F', 'that gain backwards, over the one forwards', FINITE)
+        1.0, '', 'forward velocity, by odometry, over the demanded one', FINITE)
+    backward_gain: float = _figure(1.0, '', 'that gain backwards, over the one forwards', FINITE)
     angular_gain: float = _figure(
-        1.0, 'F', 'turning velocity, by odometry, over the demanded one', FINITE)
+        1.0, '', 'turning velocity, by odometry, over the demanded one', FINITE)
     right_gain: float = _figure(
-        1.0, 'F', 'that gain to the right, over the one to the left', FINITE)
+        1.0, '', 'that gain to the right, over the one to the left', FINITE)
     veer: float = _figure(
-        0.0, 'RAD/M', 'how much the robot turns to the left on each metre forwards', FINITE)
-    odometry_scale: float = _figure(1.0, 'F', 'true distance over the one that odometry reports')
+        0.0, 'rad/m', 'how much the robot turns to the left on each metre forwards', FINITE)
+    odometry_scale: float = _figure(1.0, '', 'true distance over the one that odometry reports')
     wheel_ratio: float = _figure(
-        1.0, 'F', 'true diameter of the right wheel over that of the left one')
-    track_ratio: float = _figure(1.0, 'F', 'true track over the one that odometry uses')
+        1.0, '', 'true diameter of the right wheel over that of the left one')
+    track_ratio: float = _figure(1.0, '', 'true track over the one that odometry uses')
     velocity_noise: float = _figure(
-        0.0, 'F', 'standard deviation of the velocity, as a part of it')
-    odometry_noise: float = _figure(0.0, 'M', 'standard deviation of the position in odometry')
-    heading_noise: float = _figure(0.0, 'RAD', 'standard deviation of the heading in odometry')
-    undock_distance: float = _figure(0.2, 'M', 'how far the robot drives off its dock')
-    undock_velocity: float = _figure(0.1, 'M/S', 'how fast it does that', FINITE_ABOVE_0)
+        0.0, '', 'standard deviation of the velocity, as a part of it')
+    odometry_noise: float = _figure(0.0, 'm', 'standard deviation of the position in odometry')
+    heading_noise: float = _figure(0.0, 'rad', 'standard deviation of the heading in odometry')
+    undock_distance: float = _figure(0.2, 'm', 'how far the robot drives off its dock')
+    undock_velocity: float = _figure(0.1, 'm/s', 'how fast it does that', FINITE_ABOVE_0)
 
     def __post_init__(self) -> None:
         """
         Check each value of the new object.
 
-        :raises ValueError: if a value is out of its range
+        :raises InvalidMotionError: if a value is out of its range
         """
         for figure in fields(self):
             value, (rule, is_valid) = getattr(self, figure.name), figure.metadata['rule']
             if not is_valid(value):
-                raise ValueError(f'{figure.name} is {value}; it must be {rule}')
+                unit = figure.metadata['unit'] and f" {figure.metadata['unit']}"
+                raise InvalidMotionError(
+                    f'{value}{unit}; it must be {rule.format(unit)}', name=figure.name)
         try:
             self.floor  # noqa: B018
         except InvalidMotionError as error:
-            raise ValueError(str(error)) from None
+            name = 'odometry_scale' if error.name == 'scale' else error.name
+            raise InvalidMotionError(error.message, name=name) from None
 
     @property
     def floor(self) -> OdometryCalibration | None:
