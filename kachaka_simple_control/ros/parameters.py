@@ -74,12 +74,16 @@ def _declare(
             FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
         # Users write rate:=20, and rclpy would refuse an integer for a double parameter.
         descriptor.dynamic_typing = True
+    # The range is set after the check, because the text of rclpy's refusal has no unit.
+    first = ParameterDescriptor(dynamic_typing=True) if bounds else descriptor
     try:
-        value = node.declare_parameter(parameter.name, default, descriptor).value
+        value = node.declare_parameter(parameter.name, default, first).value
     except ParameterException as error:
-        allowed = f' It must be from {bounds[0]:g} to {bounds[1]:g}.' if bounds else ''
-        raise UsageError(f'{escaped(error)}{allowed}') from None
-    return _number(parameter, value, bounds) if bounds else value
+        raise UsageError(escaped(error)) from None
+    if bounds:
+        value = _number(parameter, value, bounds)
+        node.set_descriptor(parameter.name, descriptor)
+    return value
 
 
 def _number(parameter: Field[Any], value: Any, bounds: tuple[float, float]) -> float:
@@ -90,8 +94,10 @@ def _number(parameter: Field[Any], value: Any, bounds: tuple[float, float]) -> f
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise UsageError(f'parameter {name} is {value}; it must be a number')
     if not bounds[0] <= value <= bounds[1]:
+        unit = unit and f' {unit}'
         raise UsageError(
-            f'parameter {name} is {value}; it must be from {bounds[0]:g} to {bounds[1]:g}')
+            f'parameter {name} is {value:g}{unit}; it must be from {bounds[0]:g} to '
+            f'{bounds[1]:g}{unit}')
     return float(value)
 
 

@@ -159,6 +159,12 @@ def run():
 @pytest.mark.parametrize('parameter, text', [
     ('rate:=4', 'rate is 4 Hz; for kachaka it must be from 5 to 1000 Hz'),
     ('rate:=fast', "parameter rate is 'fast'; it must be a number"),
+    ('robot_timeout:=-1', 'parameter robot_timeout is -1 s; it must be from 0.1 to 3600 s'),
+    ('robot_timeout:=.nan', 'parameter robot_timeout is nan s; it must be from 0.1 to 3600 s'),
+    ('odometry_timeout:=-1.0', 'parameter odometry_timeout is -1 s; it must be from 0 to 60 s'),
+    ('pause_timeout:=0.5', 'parameter pause_timeout is 0.5 s; it must be from 1 to 86400 s'),
+    ('speed_factor:=-1.0', 'parameter speed_factor is -1; it must be from 0.01 to 1'),
+    ('speed_factor:=.nan', 'parameter speed_factor is nan; it must be from 0.01 to 1'),
     ('robot_timeout:=1,5', "robot_timeout is '1,5'; write '1.5', with a point"),
     ('robot_timeout:=2s', "robot_timeout is '2s'; write '2', without its unit"),
     ('manual_control:=7', 'manual_control'),
