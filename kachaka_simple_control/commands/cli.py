@@ -298,9 +298,10 @@ def _speed(text: str) -> float:
             if advice := point_advice(text.strip()):
                 raise argparse.ArgumentTypeError(f'{escaped(text, 60)!r}; {advice}')
             return percent / 100.0
-        if not has_sign and MIN_SPEED_FACTOR <= percent <= 1.0:
+        if not has_sign and MIN_SPEED_FACTOR <= percent < 2.0:
             # A number without % is ambiguous: it may be a fraction or a percentage.
-            meant = '1% or 100%' if percent == 1.0 else f'{100.0 * percent:g}%'
+            meant = f'{100.0 * percent:g}%' if percent < 1.0 else f'{percent:g}%'
+            meant += ' or 100%' if percent == 1.0 else ''
             raise argparse.ArgumentTypeError(f'{escaped(text, 60)!r} has no %: write {meant}')
     problem = 'has a minus, U+2212; it must be' if MINUS in text else 'is not'
     raise argparse.ArgumentTypeError(

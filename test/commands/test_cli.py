@@ -72,7 +72,7 @@ REFUSED = (
     '--speed=0', '--speed=0%', '--speed=150%', '--speed=150', '--speed=1.5', '--speed=0.5%',
     '--speed=half', '--speed=nan', '--speed=-50%', '--speed=%', '--speed=',
     # Full speed for one person is a hundredth of it for another.
-    '--speed 1', '--speed 1.0', '--speed 0.5', '--speed 0.01', '--speed 0,5',
+    '--speed 1', '--speed 1.0', '--speed 1.5', '--speed 0.5', '--speed 0.01', '--speed 0,5',
     '--speed 12,5', '--speed 12,5%',
     '--corners', '--corners=-5cm', '--corners -5cm', '--corners 5', '--corners 2m',
     '--corners 100000km', '--corners nan', '--corners=-inf', '--corners 1e999m', '--corners 5%',
