@@ -18,7 +18,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
-from typing import NoReturn
+import re
+from typing import Any, NoReturn
 
 from kachaka_simple_control.errors import InvalidMotionError, RobotNotFoundError, UsageError
 from kachaka_simple_control.text import escaped
@@ -54,7 +55,16 @@ def code_of(error: BaseException) -> int:
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """An argument parser whose error messages are always one line."""
+    """
+    An argument parser whose error messages are always one line.
+
+    A word such as ``-5cm`` is a value, not an option.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        # argparse itself takes a negative number for a value only if nothing follows the number.
+        self._negative_number_matcher = re.compile(r'-\.?[0-9]')
 
     def set_completers(self, completers: Mapping[str, Callable[..., list[str]]]) -> None:
         """
