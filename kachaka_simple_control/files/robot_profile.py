@@ -177,9 +177,10 @@ KACHAKA_TRACK = 0.2
 
 
 SCHEMA = 'robots/robot.schema.json'
-#: The command timeout of a robot must be longer than this [s], because a velocity may be late by
-#: this time: MAX_LATENESS in control/timing.py.
-MIN_COMMAND_TIMEOUT = 0.1
+#: The shortest command timeout of a robot [s]: a velocity may be late by 0.1 s, and the highest
+#: rate is 1000 Hz (MAX_LATENESS + 1 / MAX_RATE in control/timing.py).  With less, no rate is
+#: possible.
+MIN_COMMAND_TIMEOUT = 0.101
 #: The keys that a file must have, unless it extends another robot.
 REQUIRED = ('velocity_topic', 'command_timeout', 'limits')
 #: The keys whose values are texts and are stored unchanged in the fields of the same names.
@@ -280,10 +281,10 @@ def _read(text: str, source: str) -> RobotProfile:
     data = document.root.data if isinstance(document.root.data, dict) else {}
     base = _base(document, data)
     numbers = document.read_quantities([], {'command_timeout': COMMAND_TIMEOUT})
-    if (hold := numbers.get('command_timeout', math.inf)) <= MIN_COMMAND_TIMEOUT:
+    if (hold := numbers.get('command_timeout', math.inf)) < MIN_COMMAND_TIMEOUT:
         document.add_problem(['command_timeout'], (
-            f'{hold:g} s is too short: a velocity may be late by {MIN_COMMAND_TIMEOUT:g} s before '
-            'the run is given up; it must be longer than that'))
+            f'{hold:g} s is too short: a velocity may be late by 0.1 s before the run is given '
+            f'up; it must be at least {MIN_COMMAND_TIMEOUT:g} s'))
     timeout = document.read_quantities(['manual_control'], {'timeout': COMMAND_TIMEOUT})
     values: dict[str, Any] = {
         key: _part(document, key, quantities, make) for key, quantities, make in PARTS

@@ -21,7 +21,7 @@ import math
 import re
 
 from golden import answers, compare
-from kachaka_simple_control.control.timing import MAX_LATENESS
+from kachaka_simple_control.control.timing import MAX_LATENESS, MAX_RATE, rate_problem
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import (
     calibrated_text,
@@ -273,12 +273,18 @@ def test_an_unknown_robot_is_refused(name, words, tmp_path, monkeypatch):
     assert str(caught.value).startswith(words)
 
 
-@pytest.mark.parametrize('timeout', ['0.1 s', '50 ms', '0.001'])
+@pytest.mark.parametrize('timeout', ['0.1 s', '50 ms', '0.001', '0.1005 s'])
 def test_a_robot_that_keeps_a_velocity_too_briefly_is_refused(tmp_path, timeout):
     """No rate would do."""
-    assert MIN_COMMAND_TIMEOUT == MAX_LATENESS
+    assert MIN_COMMAND_TIMEOUT == MAX_LATENESS + 1.0 / MAX_RATE
     file = tmp_path / 'hasty.yaml'
     file.write_text(f'extends: kachaka\ncommand_timeout: {timeout}\n')
     with pytest.raises(RobotFileError, match=(
-            r'hasty.yaml:2: command_timeout: 0\.\d+ s is too short: .*longer than that')):
+            r'hasty.yaml:2: command_timeout: 0\.\d+ s is too short: .*at least 0.101 s')):
         find_robot(file)
+
+
+def test_the_shortest_command_timeout_leaves_a_rate(tmp_path):
+    file = tmp_path / 'hasty.yaml'
+    file.write_text('extends: kachaka\ncommand_timeout: 0.101 s\n')
+    assert rate_problem(MAX_RATE, find_robot(file).command_timeout, 'hasty') == ''
