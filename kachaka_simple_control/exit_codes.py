@@ -54,6 +54,10 @@ def code_of(error: BaseException) -> int:
     return NO_ROBOT if isinstance(error, RobotNotFoundError) else FAULTED
 
 
+#: Options of ROS, which must follow after ``--ros-args``.
+ROS_OPTIONS = ('-p', '--param', '-r', '--remap', '--params-file')
+
+
 class OneLineParser(argparse.ArgumentParser):
     """
     An argument parser whose error messages are always one line.
@@ -63,6 +67,8 @@ class OneLineParser(argparse.ArgumentParser):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
+        #: What to write instead of an option that this parser does not have, by the option.
+        self.advice: dict[str, str] = {}
         # argparse itself takes a negative number for a value only if nothing follows the number.
         self._negative_number_matcher = re.compile(r'-\.?[0-9]')
 
@@ -80,13 +86,27 @@ class OneLineParser(argparse.ArgumentParser):
         """
         Print an error message in one line, and exit with code 2.
 
-        If the message is about an unknown option, a similar option is suggested.
+        If the message is about an unknown option, it says what to write instead: a similar option,
+        the advice of this parser, or ``--ros-args`` before an argument for ROS.
 
         :param message: the message
         """
         word = message.removeprefix('unrecognized arguments: ').partition('=')[0].partition(' ')[0]
         if word != message.partition('=')[0].partition(' ')[0]:
-            options = [option for action in self._actions for option in action.option_strings]
-            near = get_close_matches(word, options, 1)
-            message += f'; did you mean {near[0]}?' if near else ''
+            if self._takes_ros_arguments() and (
+                    word in ROS_OPTIONS or ':=' in message):
+                message += '; write ROS arguments after --ros-args'
+            elif word in self.advice:
+                message += f'; {self.advice[word]}'
+            else:
+                message += self._suggestion(word)
         self.exit(BAD_USAGE, f'{self.prog}: {escaped(message, 300)}\n')
+
+    def _takes_ros_arguments(self) -> bool:
+        # kachaka_bridge names them in its epilog only.
+        return '--ros-args' in self.format_help()
+
+    def _suggestion(self, word: str) -> str:
+        options = [option for action in self._actions for option in action.option_strings]
+        near = get_close_matches(word, options, 1)
+        return f'; did you mean {near[0]}?' if near else ''

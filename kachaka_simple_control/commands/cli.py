@@ -38,7 +38,7 @@ from kachaka_simple_control.kachaka.program import (
     simulation_words,
 )
 from kachaka_simple_control.motion.units import MINUS, point_advice, TOLERANCE, UnitError
-from kachaka_simple_control.text import escaped
+from kachaka_simple_control.text import escaped, quoted
 
 NAME = 'kachaka_simple_control'
 EXAMPLES = """
@@ -171,6 +171,8 @@ def _check_combination(parser: OneLineParser, options: Options) -> None:
                      'long to wait for a robot')
     if options.wait and options.repeat > 1:
         parser.error('--wait drives as often as it is asked to: leave out --repeat')
+    if ros := [word for word in options.motions if ':=' in word]:
+        parser.error(f'{quoted(ros[0], 60)} is no motion; write ROS arguments after --ros-args')
     if options.pipe and (options.motions or options.wait or options.repeat > 1):
         parser.error('--pipe takes its motions from standard input: leave out MOTION, --wait and '
                      '--repeat')

@@ -47,6 +47,9 @@ def test_options_of_the_robot_go_to_the_drive_process():
     (['--lag', '0.1'], 'about the simulated robot of --sim'),
     (['--sim', '--address', '192.0.2.1'], 'not allowed with'),
     (['--prot', '1'], 'did you mean --port?'),
+    (['--rate', '50'], ': --rate 50; write, for example, --ros-args -p rate:=50.0'),
+    (['--rate=50'], ': --rate=50; write, for example, --ros-args -p rate:=50.0'),
+    (['-p', 'rate:=50.0'], '; write ROS arguments after --ros-args'),
 ])
 def test_a_wrong_option_is_one_line(
         words: list[str], reason: str, capsys: pytest.CaptureFixture[str]):

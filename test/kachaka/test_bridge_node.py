@@ -251,6 +251,7 @@ def test_end_of_the_parent_ends_it():
     (('--sim', '--lag', '-1'), '--lag is -1.0 s; it must be 0 s or more, and finite'),
     (('--sim', '--velocity-noise', 'much'), "--velocity-noise: 'much'; it must be a number"),
     (('--sim', '--speed', '3'), 'unrecognized arguments: --speed 3'),
+    (('--sim', '-p', 'a:=1'), 'a:=1; write ROS arguments after --ros-args'),
     (('--sim', '--namespace', 'a-b'), "--namespace is '/a-b'; a namespace begins with a slash"),
     (('--sim', '--namespace', 'a' * 230), 'characters; ROS takes 247 at most'),
     (('--sim', '--namespace', b'\xff'), 'surrogates not allowed'),
