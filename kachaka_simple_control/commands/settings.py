@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING
 
 from kachaka_simple_control.control.timing import rate_problem
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
+from kachaka_simple_control.files.document import FileError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.motion.units import number_advice, require_number, TOLERANCE
 from kachaka_simple_control.ros.node_parameters import NodeParameters, parameter_arguments
@@ -91,14 +92,15 @@ def choose_settings(options: Options, motion_file: MotionFile | None) -> Setting
     :returns: the chosen settings, with the robot's profile
     :raises UsageError: if an option and a ROS parameter give different values, if a value is
         invalid, or if the robot does not support closed-loop control
-    :raises MotionFileError: if the rate in the motion's file is out of range
+    :raises MotionFileError: if the robot in the motion's file is unknown, or the rate in it is out
+        of range
     """
     given = _given(options)
     values = {'robot': NodeParameters.robot, 'rate': NodeParameters.rate,
               'closed_loop': NodeParameters.closed_loop, 'corners': NodeParameters.corners,
               **in_file(motion_file), **given}
     robot, rate = str(values['robot']), require_number('rate', values['rate'], 'Hz')
-    profile = find_robot(robot)
+    profile = _find_profile(robot, None if 'robot' in given else motion_file)
     if text := rate_problem(rate, profile.command_timeout, profile.name):
         if motion_file is None or motion_file.rate is None or 'rate' in given:
             raise UsageError(f'rate is {text}')
@@ -108,6 +110,22 @@ def choose_settings(options: Options, motion_file: MotionFile | None) -> Setting
         profile.feedback_delay()
     corners = require_number('corners', values['corners'], 'm')
     return Settings(robot, rate, profile, closed_loop, corners)
+
+
+def _find_profile(robot: str, motion_file: MotionFile | None) -> RobotProfile:
+    """
+    Read the profile of a robot; an unknown robot is refused with the line of a motion's file.
+
+    :param robot: the name or the file of the robot's profile
+    :param motion_file: the motion's file; None if the robot is not from there
+    """
+    try:
+        return find_robot(robot)
+    except FileError as error:
+        # An error in the profile has the line in the profile.
+        if motion_file is None or motion_file.robot is None or error.problems[0].line is not None:
+            raise
+        raise motion_file.error_at('robot', str(error)) from None
 
 
 def with_corners(options: Options, motion_file: MotionFile, corners: float) -> MotionFile:

@@ -190,6 +190,19 @@ def test_a_rate_of_a_file_that_cannot_be_is_refused_with_its_line():
     assert settings('--rate 20', file)[0].rate == 20.0
 
 
+@pytest.mark.parametrize('robot, text', [
+    ('kachka', 'there is no robot of this name; did you mean'),
+    ('./no.yaml', 'there is no such file')])
+def test_an_unknown_robot_of_a_file_is_refused_with_its_line(robot, text):
+    file = (f'robot: {robot}\nsteps: [wait: 1 s]', 'mine.yaml')
+    with pytest.raises(MotionFileError) as caught:
+        settings('', file)
+    assert str(caught.value).startswith(f'mine.yaml:1: robot: {robot}: {text}')
+    assert settings('--robot generic', file)[0].robot == 'generic'
+    with pytest.raises(UsageError, match='^kachkb: there is no robot of this name'):
+        settings('--robot kachkb', file)
+
+
 @pytest.mark.parametrize('words, refused', [
     ('', None),
     ('--ros-args -p rate:=20 --param robot:=generic --', None),
