@@ -42,6 +42,7 @@ from kachaka_simple_control.kachaka.program import (
     add_simulation_options,
     address_argument,
     ExitError,
+    listen_problem,
     simulation_parameters,
     simulation_words,
 )
@@ -245,7 +246,7 @@ async def _run(
     try:
         server = _server(hub, options, tokens)
     except (OSError, UnicodeError) as error:
-        reason = getattr(error, 'strerror', None) or error
+        reason = listen_problem(error, '--port')
         where = f'{escaped(options.host, 60)}:{options.port}'
         raise ExitError(BAD_USAGE, f'cannot listen at {where}: {reason}') from None
     hub.start()

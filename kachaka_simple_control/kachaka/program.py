@@ -23,6 +23,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+import errno
 import sys
 
 from kachaka_simple_control.control.signals import ShutdownEvent
@@ -197,6 +198,18 @@ def simulation_parameters(
                if (value := getattr(options, figure.name)) is not None})
     except InvalidMotionError as error:
         parser.error(f'{option_of(str(error.name))} is {error.message}')
+
+
+def listen_problem(error: OSError | UnicodeError, option: str) -> str:
+    """
+    Return why a program cannot listen at a port, and what to do if the port is the reason.
+
+    :param error: the error
+    :param option: the option for the port
+    """
+    reason = getattr(error, 'strerror', None) or str(error)
+    is_port = getattr(error, 'errno', None) in (errno.EADDRINUSE, errno.EACCES)
+    return f'{reason}; choose another {option}' if is_port else reason
 
 
 class ExitError(Exception):

@@ -30,6 +30,7 @@ from kachaka_simple_control.kachaka.program import (
     add_parent_option,
     add_simulation_options,
     ExitError,
+    listen_problem,
     PORT,
     run_until_shutdown,
     SDK_MISSING,
@@ -109,7 +110,7 @@ def _run(args: Sequence[str], shutdown: ShutdownEvent) -> None:
             print(f'ready: simulated Kachaka at {server.address}', flush=True)
             shutdown.wait(options.with_parent)
     except (OSError, UnicodeError) as error:
-        reason = getattr(error, 'strerror', None) or error
+        reason = listen_problem(error, '--grpc-port')
         where = f'{escaped(options.host, 60)}:{options.grpc_port}'
         raise ExitError(BAD_USAGE, f'cannot listen at {where}: {reason}') from None
 

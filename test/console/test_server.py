@@ -388,4 +388,5 @@ def test_a_port_that_is_taken_is_one_line(tmp_path: Path):
             timeout=30)
         assert 2 == done.returncode
         assert done.stderr.startswith('kachaka_console: cannot listen at 127.0.0.1:')
+        assert done.stderr.endswith(': Address already in use; choose another --port\n')
         assert 1 == done.stderr.count('\n')

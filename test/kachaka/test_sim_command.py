@@ -108,7 +108,8 @@ def test_a_port_in_use_is_one_line():
         port = other.getsockname()[1]
         code, line = refusal('--grpc-port', str(port))
     assert code == 2
-    assert line == f'kachaka_sim: cannot listen at 127.0.0.1:{port}: Address already in use\n'
+    assert line == (f'kachaka_sim: cannot listen at 127.0.0.1:{port}: Address already in use; '
+                    'choose another --grpc-port\n')
 
 
 def test_two_robots_do_not_share_a_port(tmp_path):
@@ -117,7 +118,7 @@ def test_two_robots_do_not_share_a_port(tmp_path):
     with program([*COMMAND, '--grpc-port', '0'], tmp_path) as robot:
         robot.wait_for_text('ready: ')
         code, line = refusal('--grpc-port', robot.text.strip().rpartition(':')[2])
-    assert (code, 'in use' in line) == (2, True)
+    assert (code, 'in use; choose another --grpc-port' in line) == (2, True)
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
