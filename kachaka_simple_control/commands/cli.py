@@ -171,21 +171,28 @@ def _check_combination(parser: OneLineParser, options: Options) -> None:
                      'long to wait for a robot')
     if options.wait and options.repeat > 1:
         parser.error('--wait drives as often as it is asked to: leave out --repeat')
-    if ros := [word for word in options.motions if ':=' in word]:
-        parser.error(f'{quoted(ros[0], 60)} is no motion; write ROS arguments after --ros-args')
     if options.pipe and (options.motions or options.wait or options.repeat > 1):
         parser.error('--pipe takes its motions from standard input: leave out MOTION, --wait and '
                      '--repeat')
     if options.pipe and options.console:
         parser.error('--pipe is for another program; leave out --console, or use kachaka_console')
-    if len(options.motions) > 1 and not options.is_preview:
-        parser.error('one motion can be driven at a time; --plan and --plot take several')
+    _check_motions(parser, options)
     if options.is_preview:
         for name in (
                 'report', 'repeat', 'sim', 'address', 'wait', 'quiet', 'speed', 'yes', 'pipe',
                 'console'):
             if getattr(options, name) != getattr(Options, name):
                 parser.error(f'--{name} is about a drive; --list, --plan and --plot drive nothing')
+
+
+def _check_motions(parser: OneLineParser, options: Options) -> None:
+    """End the program with a message if a motion is none, or there are too many of them."""
+    if ros := [word for word in options.motions if ':=' in word]:
+        parser.error(f'{quoted(ros[0], 60)} is no motion; write ROS arguments after --ros-args')
+    if options.motions and options.list and not options.plan and options.plot is None:
+        parser.error('--list lists all motions: leave out MOTION, or show its plan with --plan')
+    if len(options.motions) > 1 and not options.is_preview:
+        parser.error('one motion can be driven at a time; --plan and --plot take several')
 
 
 def parse_values(parser: OneLineParser, arguments: Sequence[str]) -> dict[str, Any]:
@@ -282,7 +289,7 @@ def add_drive_options(parser: OneLineParser) -> None:
              'says, or kachaka)')
     add('--rate', type=number_argument('Hz'), metavar='HZ',
         help='how often a velocity is sent (default: what the motion says, or 10)')
-    add('--report', metavar='DIR',
+    add('--report', type=_directory, metavar='DIR',
         help='write a report and a recording of the drive to this new directory')
     group = parser.add_argument_group('errors of the simulated robot, with --sim')
     add_simulation_options(group, 'the simulated robot')
@@ -325,6 +332,13 @@ def tolerance(text: str) -> float:
         return TOLERANCE.parse(text.strip())
     except UnitError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _directory(text: str) -> str:
+    if not text:
+        # It would mean the current directory.
+        raise argparse.ArgumentTypeError("'' is no directory; write the path of a new one")
+    return text
 
 
 def _count(text: str) -> int:

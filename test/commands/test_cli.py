@@ -68,6 +68,8 @@ REFUSED = (
     # A time after --wait is no motion.
     '--wait 30', '--wait 30s', '--wait 2.5', '--wait inf', '--wait forever',
     # The nearest option is offered.
+    # What would be ignored.
+    '--list foo', '--report=', '--sim --report=',
     '--sim -p rate:=10', '--sim rate:=10', '-r __ns:=/a', '--params-file=a.yaml',
     '--simm', '--raet=3', '--reprot', '--xyzzy',
     '--speed=0', '--speed=0%', '--speed=150%', '--speed=150', '--speed=1.5', '--speed=0.5%',
