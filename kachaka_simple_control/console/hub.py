@@ -464,8 +464,9 @@ class Hub:
             self._lose_lease(holder)
             self._was_given_up = True
             self._log('info', f'the lease has ended: no input for {IDLE_TIME:g} s')
+        is_ours = self._robot is not None and self._robot.is_driven_here
         # A motion that is paused ends with the release: another page may still go on with it.
-        is_alone = self.lease.holder is None and (
+        is_alone = is_ours and self.lease.holder is None and (
             (now - self.lease.free_since >= IDLE_TIME and self._state.state in IDLE_STATES)
             or (self._was_given_up and self._state.state in HELD_STATES))
         if is_alone and not self._is_releasing:

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 import time
 from typing import Any
@@ -186,6 +187,23 @@ def test_a_paused_robot_that_nobody_drives_is_released_after_a_minute(is_closed)
         now[0] += 1.0
         hub.tick()
         await other.until(lambda: other.state['state'] == 'standing by')
+
+    run(scenario)
+
+
+def test_a_paused_drive_of_a_terminal_is_not_released():
+    async def scenario(hub: Hub, now: list[float]) -> None:
+        page = await taken(hub)
+        assert await page.ask(RunMotion(3, text='steps: []'))
+        await page.until(lambda: page.state['state'] == 'driving')
+        assert await page.ask(Pause(4))
+        await page.until(lambda: page.state['state'] == 'paused')
+        assert await page.ask(Lease(5, False))
+        hub._robot = replace(hub._robot, is_driven_here=False)
+        now[0] += 2.0 * IDLE_TIME
+        hub.tick()
+        await asyncio.sleep(0.2)
+        assert 'paused' == page.state['state']
 
     run(scenario)
 
