@@ -55,6 +55,8 @@ DISPLAY_EXIT_TIMEOUT = 1.0
 STDIN = 0
 #: The time between two checks whether the program is in the foreground [s].
 FOREGROUND_PERIOD = 0.2
+#: How often the same warning is given while a key is held [s].
+WARN_PERIOD = 1.0
 #: The largest number of bytes that one read of the keyboard returns.
 KEY_COUNT = 64
 #: The index of the local modes in the list that ``termios.tcgetattr`` returns.
@@ -155,6 +157,8 @@ class Keyboard:
             self, functions: Mapping[str, Callable[[], object]],
             warn: Callable[[str], object]) -> None:
         self._functions, self._warn = functions, warn
+        #: the newest warning, and when it was given [s on the steady clock]
+        self._warning, self._warned = '', float('-inf')
         self._end, self._is_reading = threading.Event(), threading.Event()
         self._setting_modes = threading.Lock()
         self._thread = threading.Thread(target=self._run, name='keyboard', daemon=True)
@@ -213,8 +217,15 @@ class Keyboard:
                 try:
                     self._functions[key]()
                 except ControlError as error:
-                    self._warn(str(error))
+                    self._warn_once(str(error))
         return bool(keys)
+
+    def _warn_once(self, text: str) -> None:
+        """Give a warning, but not for each repetition of a key that is held."""
+        now = time.monotonic()
+        if text != self._warning or now - self._warned >= WARN_PERIOD:
+            self._warning, self._warned = text, now
+            self._warn(text)
 
 
 def is_keyboard() -> bool:

@@ -18,7 +18,9 @@ import signal
 import sys
 import termios
 
+from kachaka_simple_control.display import terminal
 from kachaka_simple_control.display.terminal import LINE_MODES, LOCAL_MODES
+from kachaka_simple_control.errors import MotionRefusedError
 from program import COMMAND
 import pytest
 from terminals import at_terminal
@@ -151,3 +153,18 @@ def test_an_enter_that_was_typed_before_starts_no_motion(motion):
         shown.wait_for_text('DRIVING   step 1 of 40')
         shown.press(b'q')
         assert shown.end() == 130
+
+
+def test_the_warning_of_a_key_that_is_held_comes_once(monkeypatch):
+    def refuse():
+        raise MotionRefusedError('the robot was moved')
+
+    warnings = []
+    keyboard = terminal.Keyboard({'r': refuse}, warnings.append)
+    monkeypatch.setattr(terminal.os, 'read', lambda *_: b'rrr')
+    for _ in range(3):
+        assert keyboard._read('')
+    assert warnings == ['the robot was moved']
+    keyboard._warned -= terminal.WARN_PERIOD
+    keyboard._read('')
+    assert warnings == 2 * ['the robot was moved']
