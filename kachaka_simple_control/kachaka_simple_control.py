@@ -40,6 +40,7 @@ from kachaka_simple_control.errors import (
     MotionRefusedError,
     MotionRunningError,
     MotionStoppedError,
+    RobotMovedError,
     UsageError,
 )
 from kachaka_simple_control.kachaka.bridge_process import OwnSimulation
@@ -272,7 +273,11 @@ class KachakaSimpleControl(Node):
         :raises ControlError: if no motion is allowed to start now, or the robot was moved by more
             than 2 cm or 2 degrees; the motion stays paused
         """
-        self.commander.resume(even_if_moved)
+        try:
+            self.commander.resume(even_if_moved)
+        except RobotMovedError as error:
+            raise RobotMovedError(
+                f'{error}. To go on all the same: resume(even_if_moved=True)') from None
 
     @property
     def speed_factor(self) -> float:

@@ -246,7 +246,7 @@ def test_a_robot_that_was_moved_goes_on_only_when_asked_twice(listener, observer
             assert reason in answer.message
             assert 'resume once more, 1 to 10 s from now' in answer.message
         else:
-            with pytest.raises(MotionRefusedError, match=reason):
+            with pytest.raises(MotionRefusedError, match=rf'{reason}.*even_if_moved=True'):
                 node.resume()
         time.sleep(1.2)
         assert not any(velocity.moves for velocity in listener.received[count:])
