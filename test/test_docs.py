@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import ast
+import fcntl
 from pathlib import Path
 import re
 import shutil
@@ -158,11 +159,15 @@ def test_commands_of_a_document_work(path, colcon, tmp_path):
         pytest.skip('there is no colcon here; make docs has it')
     if uses_colcon and not colcon and shutil.which('colcon', path=searched()) is not None:
         pytest.skip('all of it is run, colcon included')
-    reader = Reader(tmp_path)
-    try:
-        run_document(path, reader, colcon)
-    finally:
-        reader.close_terminals()
+    with Path(__file__).open() as lock:
+        if '--grpc-port' in path.read_text():
+            # Two pages start the robot's service at its own port.
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        reader = Reader(tmp_path)
+        try:
+            run_document(path, reader, colcon)
+        finally:
+            reader.close_terminals()
 
 
 def run_document(path: Path, reader: Reader, colcon: bool) -> None:
