@@ -276,7 +276,7 @@ class CommandArbiter:
     A motion is sent only when no other call is in progress.  A stop is sent at once.  If a motion
     call is in progress at that time, the robot can receive the stop before the motion.  Therefore,
     the stop is sent again after the motion call, unless a newer motion waits.  A stop that fails
-    is also sent again, until the robot has executed it or a newer velocity is received.
+    is also sent again, until the robot has executed it or a newer motion is sent.
 
     If the robot refuses a motion because its manual control is off, manual control is enabled and
     the motion is sent again.  After one of the following faults, motions are ignored until the
@@ -344,7 +344,6 @@ class CommandArbiter:
             self.is_blocked = False
         if command.is_stop or not self.is_blocked:
             self._stream.on_command(command.is_stop, command.time)
-            self._retry_stop_at = None
             self._latest.put(command)
 
     def next_request(self, now: float) -> RpcRequest | None:
@@ -453,7 +452,7 @@ class CommandArbiter:
         command = None if self._in_flight else self._latest.take_motion(now)
         if command is None:
             return None
-        self.may_move = True
+        self.may_move, self._retry_stop_at = True, None
         return RpcRequest(RpcKind.MOTION, command, self._command_timeout)
 
     def _on_stop_response(self, result: RpcResult, now: float) -> None:
@@ -463,7 +462,7 @@ class CommandArbiter:
         elif not result.got_response:
             self._latest.request_stop()
         elif not self._in_flight and not self._latest.stop_pending:
-            self.may_move = False
+            self.may_move, self._retry_stop_at = False, None
 
     def _on_enable_response(self, result: RpcResult) -> None:
         if result.got_response and not result.is_success:

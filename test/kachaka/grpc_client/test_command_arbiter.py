@@ -324,6 +324,11 @@ def test_a_newer_motion_replaces_a_stop_that_failed(failed):
     assert failed.next_check is None
 
 
+def test_a_motion_that_is_never_sent_replaces_no_stop_that_failed(failed):
+    failed.on_command(motion(1.01))
+    assert sent(failed, 1.02 + COMMAND_TIMEOUT).kind is RpcKind.STOP
+
+
 def test_a_zero_that_failed_is_not_repeated_to_a_robot_at_rest(arbiter):
     arbiter.on_command(stop(0.0))
     arbiter.on_response(sent(arbiter, 0.0), FAILED, 0.0)
