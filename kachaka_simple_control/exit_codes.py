@@ -67,8 +67,10 @@ class OneLineParser(argparse.ArgumentParser):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        #: What to write instead of an option that this parser does not have, by the option.
+        #: what to write instead of an option that this parser does not have, by the option
         self.advice: dict[str, str] = {}
+        #: whether the program takes ROS arguments after ``--ros-args``
+        self.takes_ros_arguments = False
         # argparse itself takes a negative number for a value only if nothing follows the number.
         self._negative_number_matcher = re.compile(r'-\.?[0-9]')
 
@@ -93,18 +95,13 @@ class OneLineParser(argparse.ArgumentParser):
         """
         word = message.removeprefix('unrecognized arguments: ').partition('=')[0].partition(' ')[0]
         if word != message.partition('=')[0].partition(' ')[0]:
-            if self._takes_ros_arguments() and (
-                    word in ROS_OPTIONS or ':=' in message):
+            if self.takes_ros_arguments and (word in ROS_OPTIONS or ':=' in message):
                 message += '; write ROS arguments after --ros-args'
             elif word in self.advice:
                 message += f'; {self.advice[word]}'
             else:
                 message += self._suggestion(word)
         self.exit(BAD_USAGE, f'{self.prog}: {escaped(message, 300)}\n')
-
-    def _takes_ros_arguments(self) -> bool:
-        # kachaka_bridge names them in its epilog only.
-        return '--ros-args' in self.format_help()
 
     def _suggestion(self, word: str) -> str:
         options = [option for action in self._actions for option in action.option_strings]

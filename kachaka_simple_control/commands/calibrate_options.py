@@ -114,6 +114,7 @@ def _parser() -> OneLineParser:
         prog=NAME, allow_abbrev=False, epilog=EPILOG.replace('\n\n', ' ') + HELP.strip(),
         description='Measure what a robot makes of the velocities that it is sent, or by a tape '
                     'what odometry is worth, and write a file of the robot with it.')
+    parser.takes_ros_arguments = True
     add = parser.add_argument
     add('part', nargs='?', default='', metavar=f'{FLOOR}|{UMBMARK}',
         help='what to measure with a tape; left out, odometry alone is used')

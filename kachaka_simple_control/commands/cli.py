@@ -234,6 +234,7 @@ def _parser() -> OneLineParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Drive a motion, exactly timed; without a name, the seven movements of the '
                     'lesson.')
+    parser.takes_ros_arguments = True
     add = parser.add_argument
     add('motions', nargs='*', metavar='MOTION',
         help='a motion that comes with the package (see --list), or the path of a file')

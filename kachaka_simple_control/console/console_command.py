@@ -183,6 +183,7 @@ def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog=PROGRAM, allow_abbrev=False, epilog=EPILOG,
         description='Watch, drive and stop a robot with a page in a browser.')
+    parser.takes_ros_arguments = True
     parser.advice['--rate'] = f'write, for example, {ROS_ARGUMENTS} -p rate:=50.0'
     add = parser.add_argument
     add('--port', type=_port, default=PORT, metavar='PORT',

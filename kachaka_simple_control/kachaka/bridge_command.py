@@ -174,6 +174,7 @@ def _parse(args: list[str]) -> tuple[argparse.Namespace, SimulationParameters]:
         prog=PROGRAM, allow_abbrev=False,
         description="Show a robot to ROS 2 under the names of Kachaka's official bridge.",
         epilog='ROS arguments follow after --ros-args.')
+    parser.takes_ros_arguments = True
     add = parser.add_argument
     add('--sim', action='store_true', help='show a simulated robot')
     add('--address', type=address_argument, metavar='HOST',
