@@ -98,9 +98,16 @@ def segment_odometry(
 
 
 def _end_of_movement(end: float, odometry: Sequence[OdometryReceived]) -> float:
-    # The first sample that shows the last zero velocity; the last sample if there is none.
+    """
+    Return the time of the first odometry sample that shows the end of the last movement [s].
+
+    :param end: when the last velocity was sent [s]
+    :param odometry: the odometry samples; if none is late enough, the last one counts
+    """
+    if not odometry:
+        return end
     later = bisect_left(odometry, end + ODOMETRY_DELAY, key=attrgetter('time'))
-    return max([end, *(sample.time for sample in odometry[:later + 1][-1:])])
+    return max(end, odometry[min(later, len(odometry) - 1)].time)
 
 
 def _begins_at_rest(step: StepLog) -> bool:

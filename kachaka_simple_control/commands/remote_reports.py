@@ -26,7 +26,7 @@ from kachaka_simple_control.console import protocol
 from kachaka_simple_control.control.events import Event, VelocityKind, VelocitySent
 from kachaka_simple_control.control.robot_drive import RunProgress, RunState
 from kachaka_simple_control.control.speed_factor import product
-from kachaka_simple_control.control.timing import ODOMETRY_MAX_AGE, REMOTE_WRITE_TIMEOUT
+from kachaka_simple_control.control.timing import REMOTE_WRITE_TIMEOUT
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
 from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 from kachaka_simple_control.ros.session import Session
@@ -144,8 +144,9 @@ def state_of(
     now = time.monotonic()
     age = session.odometry.age(now)
     return protocol.State(
-        state='stopping' if session.is_stopping and not is_taken else _state_name(
-            progress, velocity, is_taken, is_by_hand, reason),
+        state=(_state_name(progress, velocity, is_by_hand) if is_taken else
+               'stopping' if session.is_stopping else
+               'standing by' if reason is None else 'stopped'),
         motion=progress.title if plan is not None else None,
         step=number or None, steps=count or None, progress=_rounded(done, 3),
         remaining=_rounded(remaining, 1), factors=factors,
@@ -153,15 +154,12 @@ def state_of(
         planned=_pose(progress.planned_pose),
         driven=_pose(session.pose), velocity=(velocity.linear_x, velocity.angular_z),
         odometry_age=_rounded(age, 1), reason=reason,
-        is_still=None if age is None or age > ODOMETRY_MAX_AGE else (
-            session.odometry.still_since(now) is not None))
+        is_still=session.odometry.is_still(now))
 
 
 def _state_name(
-        progress: RunProgress, velocity: Velocity, is_taken: bool, is_by_hand: bool,
-        reason: str | None) -> protocol.StateName:
-    if not is_taken:
-        return 'standing by' if reason is None else 'stopped'
+        progress: RunProgress, velocity: Velocity, is_by_hand: bool) -> protocol.StateName:
+    """Return the state of a drive that has the robot."""
     if progress.state is RunState.CONNECTING or math.isnan(progress.began):
         return 'taking'
     if progress.state is RunState.HELD:

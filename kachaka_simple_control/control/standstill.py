@@ -86,6 +86,14 @@ class StandstillDetector:
         """
         return self._still_since if self._is_fresh(now) else None
 
+    def is_still(self, now: float) -> bool | None:
+        """
+        Return whether odometry shows that the robot stands still; None without recent odometry.
+
+        :param now: the time [s]
+        """
+        return self._still_since is not None if self._is_fresh(now) else None
+
     def _is_fresh(self, now: float) -> bool:
         age = self.age(now)
         return age is not None and age <= ODOMETRY_MAX_AGE
