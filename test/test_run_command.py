@@ -49,36 +49,36 @@ def test_each_error_has_its_exit_code_and_no_traceback(error, code, capsys):
     assert len(printed.splitlines()) <= 1
 
 
+@pytest.fixture
+def lesson(tmp_path, monkeypatch):
+    """Return a file that takes the place of the lesson."""
+    file = tmp_path / 'edited.py'
+    monkeypatch.setattr(library, 'LESSON_FILE', file)
+    return file
+
+
 @pytest.mark.parametrize('duration, shown', [
     ('-1.0', '-1.0 s; it must not be negative'), ("'0.1'", "'0.1'; it must be a number [s]"),
     ('None', 'None; it must be a number [s]')])
-def test_the_line_of_an_edited_lesson_is_named(duration, shown, tmp_path, monkeypatch, capsys):
-    edited = tmp_path / 'edited.py'
-    edited.write_text(
+def test_the_line_of_an_edited_lesson_is_named(duration, shown, lesson, capsys):
+    lesson.write_text(
         f'def play_lesson(robot):\n    pass\n    robot.move_robot(0.1, 0.0, {duration})\n')
-    monkeypatch.setattr(library, 'LESSON_FILE', edited)
     assert run_command(library.lesson_motion) == 2
-    assert capsys.readouterr().err == f'{edited}:3: duration is {shown}\n'
+    assert capsys.readouterr().err == f'{lesson}:3: duration is {shown}\n'
 
 
-def test_a_syntax_error_in_an_edited_lesson_is_named_with_its_line_alone(
-        tmp_path, monkeypatch, capsys):
-    edited = tmp_path / 'edited.py'
-    edited.write_text('def play_lesson(robot):\n    robot.move_robot(0.1, 0.0, 1.0\n')
-    monkeypatch.setattr(library, 'LESSON_FILE', edited)
+def test_a_syntax_error_in_an_edited_lesson_is_named_with_its_line_alone(lesson, capsys):
+    lesson.write_text('def play_lesson(robot):\n    robot.move_robot(0.1, 0.0, 1.0\n')
     assert run_command(library.lesson_motion) == 1
-    assert capsys.readouterr().err == f"{edited}:2: '(' was never closed\n"
+    assert capsys.readouterr().err == f"{lesson}:2: '(' was never closed\n"
 
 
-def test_a_forgotten_value_in_an_edited_lesson_is_named_without_a_robot(
-        tmp_path, monkeypatch, capsys):
-    edited = tmp_path / 'edited.py'
-    edited.write_text('def play_lesson(robot):\n    robot.move_robot(0.1, 0.0)\n')
-    monkeypatch.setattr(library, 'LESSON_FILE', edited)
+def test_a_forgotten_value_in_an_edited_lesson_is_named_without_a_robot(lesson, capsys):
+    lesson.write_text('def play_lesson(robot):\n    robot.move_robot(0.1, 0.0)\n')
     assert drive_or_preview(['--plan']) == 1
     assert capsys.readouterr().err == (
         'kachaka_simple_control: unexpected TypeError: move_robot() missing 1 required '
-        f"positional argument: 'duration' ({edited}:2)\n")
+        f"positional argument: 'duration' ({lesson}:2)\n")
 
 
 def test_a_body_that_returns_has_exit_code_0():

@@ -112,6 +112,16 @@ async def taken(hub: Hub) -> FakePage:
     return page
 
 
+async def paused(hub: Hub) -> FakePage:
+    """Return a page that has begun a motion and paused it."""
+    page = await taken(hub)
+    assert await page.ask(RunMotion(3, text='steps: []'))
+    await page.until(lambda: page.state['state'] == 'driving')
+    assert await page.ask(Pause(4))
+    await page.until(lambda: page.state['state'] == 'paused')
+    return page
+
+
 def test_the_lease_ends_without_input_and_the_robot_is_released():
     async def scenario(hub: Hub, now: list[float]) -> None:
         page = await taken(hub)
@@ -149,19 +159,25 @@ def test_the_lease_does_not_end_while_a_motion_is_driven_or_paused():
     run(scenario)
 
 
+async def released_after_a_minute(
+        hub: Hub, now: list[float], page: FakePage, state: str) -> None:
+    """Fail unless the robot stays in its state for a minute, and is released then."""
+    now[0] += IDLE_TIME - 1.0
+    hub.tick()
+    await asyncio.sleep(0.2)
+    assert state == page.state['state']
+    now[0] += 1.0
+    hub.tick()
+    await page.until(lambda: page.state['state'] == 'standing by')
+
+
 def test_after_a_page_is_closed_another_has_a_minute_to_go_on():
     async def scenario(hub: Hub, now: list[float]) -> None:
         page = await taken(hub)
         other = FakePage(hub)
         hub.close_page(page)
         await other.until(lambda: other.state.get('driver') == 'nobody')
-        now[0] += IDLE_TIME - 1.0
-        hub.tick()
-        await asyncio.sleep(0.2)
-        assert 'ready' == other.state['state']
-        now[0] += 1.0
-        hub.tick()
-        await other.until(lambda: other.state['state'] == 'standing by')
+        await released_after_a_minute(hub, now, other, 'ready')
 
     run(scenario)
 
@@ -169,35 +185,20 @@ def test_after_a_page_is_closed_another_has_a_minute_to_go_on():
 @pytest.mark.parametrize('is_closed', [True, False])
 def test_a_paused_robot_that_nobody_drives_is_released_after_a_minute(is_closed):
     async def scenario(hub: Hub, now: list[float]) -> None:
-        page = await taken(hub)
-        other = FakePage(hub)
-        assert await page.ask(RunMotion(3, text='steps: []'))
-        await page.until(lambda: page.state['state'] == 'driving')
-        assert await page.ask(Pause(4))
-        await page.until(lambda: page.state['state'] == 'paused')
+        page, other = await paused(hub), FakePage(hub)
         if is_closed:
             hub.close_page(page)
         else:
             assert await page.ask(Lease(5, False))
         await other.until(lambda: other.state.get('driver') == 'nobody')
-        now[0] += IDLE_TIME - 1.0
-        hub.tick()
-        await asyncio.sleep(0.2)
-        assert 'paused' == other.state['state']
-        now[0] += 1.0
-        hub.tick()
-        await other.until(lambda: other.state['state'] == 'standing by')
+        await released_after_a_minute(hub, now, other, 'paused')
 
     run(scenario)
 
 
 def test_a_paused_drive_of_a_terminal_is_not_released():
     async def scenario(hub: Hub, now: list[float]) -> None:
-        page = await taken(hub)
-        assert await page.ask(RunMotion(3, text='steps: []'))
-        await page.until(lambda: page.state['state'] == 'driving')
-        assert await page.ask(Pause(4))
-        await page.until(lambda: page.state['state'] == 'paused')
+        page = await paused(hub)
         assert await page.ask(Lease(5, False))
         hub._robot = replace(hub._robot, is_driven_here=False)
         now[0] += 2.0 * IDLE_TIME

@@ -46,11 +46,30 @@ with simulated_bridge('/orphan') as process:
     time.sleep(60)
 """
 
+#: A signal comes before the bridge serves; serving no node would raise an error.
+ENDED_EARLY = """
+import os, signal
+from kachaka_simple_control.control.signals import ShutdownEvent
+from kachaka_simple_control.kachaka.bridge_command import _serve
+with ShutdownEvent() as shutdown:
+    assert not shutdown.is_set
+    os.kill(os.getpid(), signal.SIGINT)
+    _serve(None, shutdown, False)
+"""
+
 
 @pytest.fixture
 def stand_in(monkeypatch):
     """Return a function that puts another program in the bridge's place."""
     return lambda program: monkeypatch.setattr(processes, 'MAIN_CODE', program)
+
+
+@needs_ros
+def test_a_bridge_that_gets_a_signal_while_it_starts_is_never_ready():
+    ended = subprocess.run(
+        [sys.executable, '-c', ENDED_EARLY], check=False, cwd=ROOT, env=environment(),
+        capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, '', '')
 
 
 def test_process_runs_for_the_block_and_ends_after_it(stand_in):

@@ -372,28 +372,19 @@ def test_a_parameter_that_is_refused_with_another_changes_no_speed(listener, obs
         assert max(one.linear_x for one in listener.received[count:]) == pytest.approx(0.03)
 
 
-def test_after_the_guardian_s_stop_requests_are_refused_with_the_reason(listener, make):
+@pytest.mark.parametrize('end, reason', [
+    # As if this program were gone.
+    (lambda process: process._close(), 'the guardian stopped the robot: the node is gone'),
+    (lambda process: process._process.kill(), 'its guardian has ended')])
+def test_after_the_guardian_s_stop_or_end_requests_are_refused(listener, make, end, reason):
     node = make(guardian=True)
     with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
         listener.wait_for(is_at_cruise)
-        node.session._guardian._process._close()  # as if this program were gone
+        end(node.session._guardian._process)
         assert wait_until(lambda: ended)
     answer = listener.call('resume')
     assert not answer.success
-    assert 'the guardian stopped the robot: the node is gone' in answer.message
-    with pytest.raises(ControlError, match='until this program is started again'):
-        node.session.request(elsewhere=True)
-
-
-def test_after_the_guardian_was_killed_requests_are_refused(listener, make):
-    node = make(guardian=True)
-    with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
-        listener.wait_for(is_at_cruise)
-        node.session._guardian._process._process.kill()
-        assert wait_until(lambda: ended)
-    answer = listener.call('resume')
-    assert not answer.success
-    assert 'its guardian has ended' in answer.message
+    assert reason in answer.message
     with pytest.raises(ControlError, match='until this program is started again'):
         node.session.request(elsewhere=True)
 
