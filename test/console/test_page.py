@@ -343,6 +343,12 @@ def stop_in_a_list(page):
         'type': 'keyUp', 'key': 'Escape', 'code': 'Escape', 'windowsVirtualKeyCode': 27})
 
 
+def stop_in_a_list_after_a_lost_release(page):
+    page.run('dispatchEvent(new KeyboardEvent("keydown", {key: "Escape", repeat: true}))')
+    dispatch('window', 'blur')(page)
+    stop_in_a_list(page)
+
+
 def stop_by(key, selector=None):
     def press(page):
         if selector is not None:
@@ -357,6 +363,7 @@ def stop_by(key, selector=None):
     pytest.param(stop_by(ESCAPE, '#text'), id='escape in a text'),
     pytest.param(stop_by(ESCAPE, '#speed'), id='escape on a slider'),
     pytest.param(stop_in_a_list, id='escape in an open list'),
+    pytest.param(stop_in_a_list_after_a_lost_release, id='the same after a lost release'),
     pytest.param(stop_by(SPACE), id='space'),
     pytest.param(stop_by(SPACE, '#log-lines'), id='space on the log'),
     pytest.param(stop_by(SPACE, '#stop'), id='space on the button'),

@@ -156,6 +156,10 @@ export function watchStopKeys(stop, button) {
     if (isSpace) event.preventDefault();
     if (!event.repeat) stop();
   }, {capture: true});
+  // The release may go to another window.
+  addEventListener('blur', () => {
+    isEscapeDown = false;
+  });
   addEventListener('keyup', event => {
     if (event.key !== 'Escape') return;
     // An open list takes the press for itself; the page sees only the release.
