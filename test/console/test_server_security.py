@@ -273,7 +273,8 @@ def test_a_stop_is_not_delayed_by_the_flood_of_another(tmp_path: Path, kind: str
 
     worst = serve(tmp_path, scenario)
     print(f'{kind}: worst of 10: {1e3 * worst:.1f} ms')
-    assert worst < 0.1
+    # Alone it is 5 ms.  Unless pages take turns, tornado 6.1 handles no stop at all meanwhile.
+    assert worst < 1.0
 
 
 def test_a_flood_of_stops_does_not_fill_the_pipe(tmp_path: Path):
