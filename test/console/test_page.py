@@ -421,20 +421,19 @@ def test_the_plan_is_drawn_to_scale(page):
     page.run('const choice = document.querySelector("#choice"); choice.value = "square";'
              'choice.dispatchEvent(new Event("change"))')
     page.wait(lambda: page.text('#plan-steps') == '8', 'the plan')
-    corners = page.run(
-        'return document.querySelector("#plan-svg .planned-line").getAttribute("points")'
-        '.split(" ").map(point => point.split(",").map(Number))')
-    xs, ys = zip(*corners)
-    bar = page.run(
-        'const bar = document.querySelectorAll("#plan-svg .scale-bar")[1].getBBox();'
-        'return [bar.width, document.querySelector("#plan-svg .scale-text").textContent]')
-    assert bar[1].endswith(' cm')
-    pixels = bar[0] / (float(bar[1].removesuffix(' cm')) / 100.0)
+    # In one script: the plan is drawn again when the layout gives it another size.
+    points, width, length, box = page.run(
+        'const part = name => document.querySelectorAll(`#plan-svg .${name}`);'
+        'const box = part("area-box")[0].getBBox();'
+        'return [part("planned-line")[0].getAttribute("points"),'
+        '        part("scale-bar")[1].getBBox().width, part("scale-text")[0].textContent,'
+        '        [box.width, box.height]]')
+    xs, ys = zip(*(map(float, point.split(',')) for point in points.split()))
+    assert length.endswith(' cm')
+    pixels = width / (float(length.removesuffix(' cm')) / 100.0)
     # Half a metre to each side, and the area as the plan in a terminal says it.
     assert (max(xs) - min(xs)) / pixels == pytest.approx(0.5, abs=0.005)
     assert (max(ys) - min(ys)) / pixels == pytest.approx(0.5, abs=0.005)
-    box = page.run('const box = document.querySelector("#plan-svg .area-box").getBBox();'
-                   'return [box.width, box.height]')
     sizes = [float(size) for size in re.findall(r'[0-9.]+', page.text('#plan-area'))]
     assert box == pytest.approx([size * pixels for size in sizes], rel=0.02)
     for part in ('.arrow', '.turn-line', '.footprint', '.start-dot'):
