@@ -31,7 +31,7 @@ from kachaka_simple_control.control.processes import (
 )
 from optional_libraries import optional_imports
 import pytest
-from waiting import wait_until
+from waiting import poll, wait_until
 
 with optional_imports():
     from kachaka_simple_control.ros.guardian_program import (
@@ -121,6 +121,15 @@ def match(nodes, *robots, timeout=4.0):
         time.sleep(0.02)
 
 
+def prime(listener, *guardians):
+    """Wait until the robot receives each guardian: it may be later than the guardian's match."""
+    for one in guardians:
+        wait_until(lambda: one.is_matched)  # noqa: B023
+        listener.received.clear()
+        wait_until(lambda: one.prime() or poll(lambda: listener.received, 0.1))  # noqa: B023
+    listener.received.clear()
+
+
 @contextmanager
 def driving(guardian):
     """Send the heartbeats of a run during a block, and then report its stop."""
@@ -201,7 +210,7 @@ def test_no_node_joins_while_a_robot_is_driven(listener, process, shared):
 
 def test_a_robot_whose_thread_hangs_is_stopped_alone(listener, process, shared):
     silent, driven = add(process, shared), add(process, shared)
-    wait_until(lambda: silent.is_matched and driven.is_matched)
+    prime(listener, silent, driven)
     with driving(driven):
         silent.heartbeat()
         wait_until(lambda: silent.stopped_because)
@@ -215,7 +224,7 @@ def test_a_robot_whose_thread_hangs_is_stopped_alone(listener, process, shared):
 
 def test_a_robot_that_is_left_in_a_run_is_stopped_first(listener, process, shared):
     left, other = add(process, shared), add(process, shared, NOBODY)
-    wait_until(lambda: left.is_matched)
+    prime(listener, left)
     left.heartbeat()
     left.shutdown()
     assert len(listener.received) > 15
@@ -226,7 +235,7 @@ def test_a_robot_that_is_left_in_a_run_is_stopped_first(listener, process, share
 def test_all_robots_are_stopped_at_once_when_the_guardian_is_told_to_end(
         listener, process, shared):
     robots = [add(process, shared) for _ in range(3)]
-    wait_until(lambda: all(one.is_matched for one in robots))
+    prime(listener, *robots)
     for one in robots:
         one.heartbeat()
     process._process.send_signal(signal.SIGTERM)
