@@ -37,6 +37,7 @@ from kachaka_simple_control.console.protocol import (
     Stop,
     Take,
 )
+from program import children_of
 import pytest
 from scripted_console import drive_command as scripted
 
@@ -291,6 +292,18 @@ def test_at_the_end_the_pipe_is_closed_and_the_process_ends_by_itself():
         assert watched.drive.state == 'ended'
 
     run(scenario)
+
+
+def test_a_process_that_is_being_started_is_ended(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(drive_process, 'END_PATIENCE', 0.3)
+    before = children_of(os.getpid())
+
+    async def scenario(watched: Watched) -> None:
+        watched.drive.start()
+        await asyncio.sleep(0.0)
+
+    run(scenario, command=[sys.executable, '-c', 'import time; time.sleep(20.0)'])
+    assert children_of(os.getpid()) == before
 
 
 def test_a_process_that_does_not_end_gets_signals(monkeypatch: pytest.MonkeyPatch):
