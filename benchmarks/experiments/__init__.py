@@ -15,7 +15,6 @@
 Programs for measurements in docs/ that are not part of a benchmark run.
 
 ``bridge_latency`` and ``three_processes`` belong to docs/kachaka.md, ``telemetry_cost`` to
-docs/live.md, ``driven_robot`` and ``run_and_stop`` to docs/safety.md.
-``long_drive`` checks a drive that is too long for a test, and ``same_process`` the reason for a
-setting of our Fast DDS profiles.
+docs/live.md, ``driven_robot``, ``run_and_stop`` and ``same_process`` to docs/safety.md.
+``long_drive`` checks a drive that is too long for a test.
 """

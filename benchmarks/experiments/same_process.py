@@ -52,16 +52,14 @@ def is_discovered() -> bool:
     from listener import Listener
     import rclpy
     from rclpy.parameter import Parameter
-    from topic_observer import TopicObserver
+    from topic_observer import NODE, TopicObserver
     with Listener(), TopicObserver() as observer:
         rclpy.init(args=[])
         node = KachakaSimpleControl(parameter_overrides=[Parameter('guardian', value=False)])
-        seen = observer.planned(matched=False)
-        found = poll(lambda: observer.node.count_publishers(node.get_name() + '/planned_path'),
-                     LOST_AFTER)
+        found = poll(lambda: observer.node.count_publishers(f'{NODE}/planned_path'), LOST_AFTER)
         node.destroy_node()
         rclpy.shutdown()
-    return bool(found) and not seen
+    return found > 0
 
 
 def main(arguments: list[str] | None = None) -> int:
