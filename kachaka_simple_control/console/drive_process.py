@@ -53,6 +53,7 @@ from kachaka_simple_control.console.protocol import (
 )
 from kachaka_simple_control.control.output import has_room, STDERR
 from kachaka_simple_control.control.processes import child_environment, python_command
+from kachaka_simple_control.control.timing import POLL_PERIOD
 from kachaka_simple_control.text import escaped
 
 #: The module of the drive process.
@@ -65,8 +66,6 @@ MAX_UNREAD = 512
 STREAM_LIMIT = 2 * MAX_SIZE
 #: A process that has not answered a stop for this long is stopped by a signal [s].
 STOP_PATIENCE = 5.0
-#: How often the end of the console looks whether a process that is being started is there [s].
-START_POLL_PERIOD = 0.01
 #: How long the process has to end by itself after its pipe was closed [s], and then after SIGINT.
 END_PATIENCE = 8.0
 MAX_TEXT = 2000
@@ -182,7 +181,7 @@ class DriveProcess:
         self._is_closing = True
         self._close_pipe()
         while self._process is None and self._tasks:  # it is being started
-            await asyncio.sleep(START_POLL_PERIOD)
+            await asyncio.sleep(POLL_PERIOD)
         process = self._process
         for signum in (signal.SIGINT, signal.SIGTERM, None):
             if process is None or await self._has_ended(process, END_PATIENCE):
