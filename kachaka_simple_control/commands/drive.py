@@ -41,7 +41,7 @@ from kachaka_simple_control.files.library import find, lesson_motion
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.report import output_file
 from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
-from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
+from kachaka_simple_control.ros.dds_transport import use_localhost_only, use_udp_transport
 from kachaka_simple_control.ros.parameters import session_started
 from kachaka_simple_control.ros.startup import start_ros
 from kachaka_simple_control.telemetry import subscriber_process
@@ -83,8 +83,9 @@ def drive(options: Options) -> DriveLog:
     with contextlib.ExitStack() as stack:
         if options.report is not None:
             stack.enter_context(output_file.prepare_report_dir(options.report))
-        if options.starts_bridge or is_localhost_requested():
+        if options.starts_bridge:
             use_localhost_only()
+        use_udp_transport()
         start_ros(options.ros_arguments)
         robot_control = KachakaSimpleControl(
             in_file(motion_file), parameter_overrides=_parameters(options))

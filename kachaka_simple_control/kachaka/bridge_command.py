@@ -46,11 +46,7 @@ from kachaka_simple_control.kachaka.program import (
 )
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
-from kachaka_simple_control.ros.dds_transport import (
-    is_localhost_requested,
-    use_localhost_only,
-    use_udp_transport,
-)
+from kachaka_simple_control.ros.dds_transport import use_udp_transport
 from kachaka_simple_control.ros.names import MAX_NAMESPACE_LENGTH, require_namespace
 
 if TYPE_CHECKING:
@@ -101,8 +97,6 @@ def _run(args: list[str], shutdown: ShutdownEvent) -> None:
         namespace = '/' + options.namespace.strip('/')
         require_namespace(namespace, '--namespace', MAX_NAMESPACE_LENGTH)
         make_node = _bridge(options, parameters, fault)
-        if is_localhost_requested():
-            use_localhost_only()
         use_udp_transport()
         start_ros(args)
         node = make_node(

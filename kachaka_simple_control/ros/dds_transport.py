@@ -49,11 +49,17 @@ def use_udp_transport() -> None:
     """
     Make Fast DDS use only UDP in this process and its children, unless the user chose a transport.
 
-    Call this function before the first node of a ROS context is created.  It has no effect with
-    the Fast DDS version of Humble, or with another DDS implementation.
+    If the user has set ROS_AUTOMATIC_DISCOVERY_RANGE to LOCALHOST, do what ``use_localhost_only``
+    does.
+
+    Call this function before ``rclpy.init``.  If it is called later, but before the first node of
+    a ROS context is created, Fast DDS still uses shared memory with this discovery range.  The
+    function has no effect with the Fast DDS version of Humble, except for this discovery range, or
+    with another DDS implementation.
 
     The reason: with shared memory, a killed process can delay the messages of the other processes
     on the same machine by a third of a second.  So a velocity or a stop would be sent too late.
+    It can also delay the creation of a node by 2 to 6 s.
     """
     # By default, all processes of a machine use the same shared memory of Fast DDS.  A process
     # that was killed leaves its part of this memory locked.  Each time another process discovers a
@@ -69,6 +75,8 @@ def use_udp_transport() -> None:
     # By default, the participants of one process discover each other without the network, and Fast
     # DDS sometimes loses one of them for good.  With our profiles, they use UDP for this.
     # Measured with benchmarks/experiments/same_process.py, ten at once: 5 of 1300 were lost.
+    if _is_localhost_requested():
+        use_localhost_only()
     if not _is_transport_chosen():
         _use_profile(UDP)
 
@@ -170,11 +178,6 @@ def start_on_this_machine(own: object) -> None:
         rclpy.init()
 
 
-def is_localhost_requested() -> bool:
-    """Return whether the environment variable ROS_AUTOMATIC_DISCOVERY_RANGE is ``LOCALHOST``."""
-    return os.environ.get(RANGE) == 'LOCALHOST'
-
-
 def is_range_chosen() -> bool:
     """
     Return whether the user or this program has already set how far DDS discovery reaches.
@@ -206,7 +209,7 @@ def is_localhost_only() -> bool:
     The limit is set by environment variables of ROS or by an XML profile of this package.  The
     variables set no limit if ROS_STATIC_PEERS names other machines.
     """
-    is_range_localhost = is_localhost_requested() and not _is_humble()
+    is_range_localhost = _is_localhost_requested() and not _is_humble()
     if is_range_localhost or os.environ.get(LOCALHOST_ONLY) == '1':
         return not os.environ.get(PEERS)
     return str(LOOPBACK) in (os.environ.get(name) for name in PROFILES.values())
@@ -230,6 +233,11 @@ def _use_profile(profile: Path) -> bool:
 def _seconds(duration: float) -> str:
     """Return a duration [s] of less than a second, as Fast DDS profiles write it."""
     return f'<sec>0</sec><nanosec>{round(duration * 1e9)}</nanosec>'
+
+
+def _is_localhost_requested() -> bool:
+    """Return whether the environment variable ROS_AUTOMATIC_DISCOVERY_RANGE is ``LOCALHOST``."""
+    return os.environ.get(RANGE) == 'LOCALHOST'
 
 
 def _is_humble() -> bool:

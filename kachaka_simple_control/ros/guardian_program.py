@@ -451,7 +451,7 @@ def main(args: Sequence[str] | None = None) -> int:
 def _pass_on(search: int) -> bool:
     """Print what the search for publishers has found; return False at its end."""
     data = os.read(search, READ_SIZE)
-    _print(data or b'searched\n')
+    _print(data)
     return bool(data)
 
 

@@ -38,8 +38,8 @@ def start_publisher_search(domain: int, closed: Sequence[int]) -> int:
     Search for velocity publishers in a child process of this process.
 
     The child process writes a line ``publisher PARTICIPANT TOPIC`` for each publisher, where the
-    DDS participant is hexadecimal.  It ends after PUBLISHER_SEARCH_TIME (0.55 s), and early if
-    this process ends.
+    DDS participant is hexadecimal, and at its end a line ``searched``.  It ends after
+    PUBLISHER_SEARCH_TIME (0.55 s), and early if this process ends.
 
     The reason for the search: a new DDS participant may discover another participant up to 3 s
     late.  Then this program could take a robot that another program drives.  The node of the
@@ -91,5 +91,6 @@ def _search(domain: int, report: Callable[[str], object], is_wanted: Callable[[]
         for topic, participant in publishers - found:
             report(f'publisher {participant.hex()} {topic}')
         found |= publishers
+    report('searched')
     node.destroy_node()
     context.try_shutdown()

@@ -123,10 +123,11 @@ def inspect(call, **chosen):
             {address.split(':')[0] for address in addresses})
 
 
+@pytest.mark.parametrize('chosen', [{}, {dds_transport.RANGE: 'LOCALHOST'}])
 @pytest.mark.parametrize('call', ['use_udp_transport', 'use_localhost_only'])
-def test_no_shared_memory_is_used(call):
+def test_no_shared_memory_is_used(call, chosen):
     """A program that was killed leaves its part of it locked, and others wait."""
-    threads, _ = inspect(call)
+    threads, _ = inspect(call, **chosen)
     assert 'udp' in threads
     assert 'shm' not in threads
 
@@ -137,10 +138,13 @@ def test_participants_of_one_process_discover_each_other_by_udp(profile):
     assert ET.parse(profile).findtext('.//{*}intraprocess_delivery') == 'USER_DATA_ONLY'
 
 
-@pytest.mark.parametrize('chosen', [{}, {dds_transport.RANGE: 'LOCALHOST'}])
-def test_localhost_only_sends_from_the_loopback_interface(chosen):
+@pytest.mark.parametrize(('call', 'chosen'), [
+    ('use_localhost_only', {}),
+    ('use_localhost_only', {dds_transport.RANGE: 'LOCALHOST'}),
+    ('use_udp_transport', {dds_transport.RANGE: 'LOCALHOST'})])
+def test_localhost_only_sends_from_the_loopback_interface(call, chosen):
     """So it cannot answer other machines, whatever other programs of this one forward."""
-    _, addresses = inspect('use_localhost_only', **chosen)
+    _, addresses = inspect(call, **chosen)
     assert addresses == {LOOPBACK, ANNOUNCEMENTS}
 
 

@@ -13,6 +13,7 @@
 # limitations under the License.
 """The search for velocity publishers, which finds those that a new node would find late."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -43,6 +44,14 @@ node = rclpy.create_node('other')
 publisher = node.create_publisher(Twist, '{TOPIC}', 10)
 print(flush=True)
 sys.stdin.read()
+"""
+#: A guardian whose search does not return from Fast DDS, and is killed.
+FROZEN_SEARCH = """
+import signal, sys
+from kachaka_simple_control.ros import guardian_program, publisher_search
+publisher_search._search = lambda *_: signal.pause()
+publisher_search.PUBLISHER_SEARCH_TIMEOUT = 0.2
+sys.exit(guardian_program.main())
 """
 #: How many searches must find the publisher, one after the other.  A plain node of Fast DDS finds
 #: it in time with a probability of about 0.3, so ten of ten are no accident.
@@ -97,17 +106,24 @@ class Search:
         return {b'participant!'} if topic == TOPIC else set()
 
 
+@contextlib.contextmanager
+def run_guardian(*command):
+    """Run the guardian's program for one robot; yield its process and the interface to it."""
+    with tempfile.TemporaryFile() as claim:
+        process = GuardianProcess(command, child_environment())
+        guardian = process.add(TOPIC, 0.3, 'Twist', 'base_link', claim.fileno())
+        try:
+            yield process, guardian
+        finally:
+            guardian.shutdown()
+
+
 def search(domain):
     """Run a guardian until its search is over; return the participants of others that it found."""
-    with tempfile.TemporaryFile() as claim:
-        process = GuardianProcess(
-            [*python_command('kachaka_simple_control.ros.guardian_program'), str(domain)],
-            child_environment())
-        guardian = process.add(TOPIC, 0.3, 'Twist', 'base_link', claim.fileno())
+    with run_guardian(*python_command('kachaka_simple_control.ros.guardian_program'),
+                      str(domain)) as (process, guardian):
         wait_until(lambda: guardian.has_searched)
-        found = guardian.found_publishers(TOPIC) - process.participants
-        guardian.shutdown()
-    return found
+        return guardian.found_publishers(TOPIC) - process.participants
 
 
 @pytest.mark.slow
@@ -120,6 +136,15 @@ def test_each_search_finds_the_publisher_of_another_program(other, domain):
 
 def test_a_search_that_finds_nobody_says_that_it_is_over(domain):
     assert search(domain) == set()
+
+
+def test_a_search_that_was_killed_is_not_over(domain):
+    """Whoever waits for it then waits until it must have found all publishers itself."""
+    with run_guardian(sys.executable, '-c', FROZEN_SEARCH, str(domain)) as (process, guardian):
+        wait_until(lambda: process.participants)  # by then the search was started
+        time.sleep(1.0)  # and killed after 0.2 s
+        assert not guardian.has_searched
+        assert not process.has_ended
 
 
 def test_nothing_is_sent_before_all_that_was_found_is_discovered(listener, connection):
