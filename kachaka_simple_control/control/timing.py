@@ -76,8 +76,13 @@ HEARTBEAT_TIMEOUT = 0.1
 #: next movement, and a DDS call may take PUBLISH_TIMEOUT.  The robot has already received a zero
 #: velocity.
 STOPPING_TIMEOUT = 1.0
-#: How often the guardian checks the time since the last heartbeat.  If more time passes between
-#: two checks, the excess does not count: the guardian or the whole machine was held up.  Chosen.
+#: How long after a heartbeat the guardian checks for newer ones.  Chosen: two more heartbeats are
+#: due by then, so one wake-up of the guardian sees both.  If the check is late, the excess does
+#: not count: the guardian or the whole machine was held up.  So after a pause of the machine the
+#: node has at least HEARTBEAT_TIMEOUT minus this time for its next heartbeat.
+FIRST_CHECK_DELAY = 0.055
+#: How often the guardian checks again if there was no newer heartbeat; also here the excess does
+#: not count.  Chosen.
 WATCHDOG_PERIOD = 0.02
 #: If the guardian has processed no heartbeat for this time while the node ran, it is frozen and
 #: the run ends.  Equal to PUBLISH_TIMEOUT: a DDS call of the guardian may also take this time.

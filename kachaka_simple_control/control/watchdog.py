@@ -24,6 +24,7 @@ from enum import Enum
 
 from kachaka_simple_control.control.timing import (
     CHECK_PERIOD,
+    FIRST_CHECK_DELAY,
     GUARDIAN_TIMEOUT,
     HEARTBEAT_TIMEOUT,
     PUBLISH_TIMEOUT,
@@ -147,7 +148,7 @@ class Watchdog:
         """
         if self._counted is None:
             return False
-        awake = min(now - self._counted, WATCHDOG_PERIOD)
+        awake = min(now - self._counted, self._longest_wait())
         self._counted = now
         if is_publishing:
             self._publishing += awake
@@ -167,7 +168,10 @@ class Watchdog:
         """
         if self._counted is None:
             return None
-        return min(WATCHDOG_PERIOD, self.allowed - self._silent)
+        return min(self._longest_wait(), self.allowed - self._silent)
+
+    def _longest_wait(self) -> float:
+        return max(FIRST_CHECK_DELAY - self._silent - self._publishing, WATCHDOG_PERIOD)
 
 
 class GuardianWatch:

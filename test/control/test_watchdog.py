@@ -16,6 +16,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.control.timing import (
+    CHECK_PERIOD,
+    FIRST_CHECK_DELAY,
     GUARDIAN_TIMEOUT,
     HEARTBEAT_TIMEOUT,
     PUBLISH_TIMEOUT,
@@ -150,7 +152,7 @@ def test_time_in_which_the_guardian_was_suspended_after_a_run_does_not_count():
     watchdog, now = after(GuardianMessage.HEARTBEAT, GuardianMessage.STOPPING)
     assert not watchdog.has_timed_out(now + 3600.0)
     assert wait(watchdog, now + 3600.0, 60.0) == pytest.approx(
-        now + 3600.0 + STOPPING_TIMEOUT, abs=0.03)
+        now + 3600.0 + STOPPING_TIMEOUT, abs=FIRST_CHECK_DELAY)
 
 
 @given(st.lists(st.tuples(
@@ -171,6 +173,37 @@ def test_a_healthy_node_is_never_stopped(movements):
         if zeros:
             watchdog.on_message(GuardianMessage.STOPPED, now)
             assert wait(watchdog, now, 3600.0) is None
+
+
+@given(begin=st.floats(0.0, 0.3), length=st.floats(0.0, 1.0),
+       recovery=st.floats(0.0, HEARTBEAT_TIMEOUT - FIRST_CHECK_DELAY - 0.001))
+def test_a_pause_of_the_whole_machine_ends_no_drive(begin, length, recovery):
+    """However long it is; after it, the node may need a while to get the processor."""
+    def after_pause(moment):
+        return max(moment, begin + length) if moment > begin else moment
+
+    watchdog, now, written = Watchdog(), 0.0, 0.0
+    watchdog.on_message(GuardianMessage.HEARTBEAT, now)
+    while now < begin + length + 0.5:
+        now = after_pause(now + watchdog.timeout())
+        while (due := written + CHECK_PERIOD) <= now:
+            held_up = begin < due < begin + length
+            if held_up and begin + length + recovery > now:
+                break
+            written = begin + length + recovery if held_up else due
+        watchdog.on_heartbeat(written, now)
+        assert not watchdog.has_timed_out(now)
+
+
+def test_a_healthy_node_wakes_its_guardian_20_times_a_second():
+    watchdog, now, checks = Watchdog(), 0.0, 0
+    watchdog.on_message(GuardianMessage.HEARTBEAT, now)
+    while now < 10.0:
+        now += watchdog.timeout()
+        checks += 1
+        watchdog.on_heartbeat(now // CHECK_PERIOD * CHECK_PERIOD, now)
+        assert not watchdog.has_timed_out(now)
+    assert checks / 10.0 == pytest.approx(20.0, abs=1.0)
 
 
 @given(MESSAGES)
