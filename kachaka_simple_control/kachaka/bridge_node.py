@@ -32,7 +32,7 @@ from kachaka_simple_control.kachaka.simulator.drive_model import (
     ROBOT_FRAME,
 )
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
-from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.executors import ExecutorLoop, NodeExecutor
 from kachaka_simple_control.ros.names import BATTERY, DIAGNOSTICS, RobotNames
@@ -57,6 +57,18 @@ LIMIT_WARN_PERIOD = 5.0
 BATTERY_PERIOD = 1.0
 #: The charge of the simulated robot's battery, which is always full.
 SIMULATED_CHARGE = 1.0
+
+
+def pose_text(pose: Pose, source: str) -> str:
+    """
+    Return the pose of a robot as a text for the log.
+
+    :param pose: the pose
+    :param source: a few words that say how the pose is known
+    """
+    # Add 0.0 to print -0 as 0.
+    return (f'pose: {round(pose.x, 4) + 0.0:.4f} m, {round(pose.y, 4) + 0.0:.4f} m, '
+            f'{round(math.degrees(pose.theta), 2) + 0.0:.2f} deg (x, y, heading, {source})')
 
 
 class BridgeNode(Node):
@@ -275,12 +287,9 @@ class SimulatedBridge(BridgeNode):
     def _log_place(self, now: float) -> None:
         self._is_place_logged = True
         pose, _ = self._robot.state(now)
-        # Add 0.0 to print -0 as 0.
-        which = 'true pose' if self._robot.has_wrong_odometry else 'pose'
+        which = 'true ' if self._robot.has_wrong_odometry else ''
         self.get_logger().info(
-            f'{which}: {round(pose.x, 4) + 0.0:.4f} m, {round(pose.y, 4) + 0.0:.4f} m, '
-            f'{round(math.degrees(pose.theta), 2) + 0.0:.2f} deg (x, y, heading, as seen '
-            'from where it was started)')
+            which + pose_text(pose, 'as seen from where it was started'))
 
     def _on_timer(self) -> None:
         # Update the robot even without a subscriber.  A robot with a lag integrates its path in

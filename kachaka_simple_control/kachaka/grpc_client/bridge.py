@@ -20,6 +20,7 @@ The module also converts the robot's odometry to ROS messages.
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 import time
 from typing import Any
 
@@ -27,7 +28,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from kachaka_simple_control.control.diagnosis import Level
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.bridge_node import BridgeNode
+from kachaka_simple_control.kachaka.bridge_node import BridgeNode, pose_text
 from kachaka_simple_control.kachaka.grpc_client.client import ConnectedRobot
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import (
@@ -41,7 +42,7 @@ from kachaka_simple_control.kachaka.grpc_client.robot_driver import (
 )
 from kachaka_simple_control.kachaka.robot_status import connection_status, robot_status
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
-from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.executors import ExecutorLoop, SubscriptionExecutor
 from kachaka_simple_control.ros.names import DIAGNOSTICS
@@ -77,6 +78,17 @@ def odometry(source: Any, now: Time, frame_prefix: str) -> Odometry:
     return message
 
 
+def planar_pose(source: Any) -> Pose:
+    """
+    Return the planar pose in an odometry message of the robot's SDK.
+
+    :param source: the message of the SDK, a RosOdometry
+    """
+    where, turn = source.pose.pose.position, source.pose.pose.orientation
+    return Pose(where.x, where.y, math.atan2(
+        2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y ** 2 + turn.z ** 2)))
+
+
 def _copy(source: Any, target: Any, names: str) -> None:
     for name in names:
         setattr(target, name, getattr(source, name))
@@ -90,6 +102,9 @@ class GrpcBridge(BridgeNode):
     The second thread runs all other ROS callbacks of the node, for example that of the service.
     Further threads request odometry and errors from the robot, and publish odometry and
     diagnostics.
+
+    The node logs the robot's pose from the newest odometry when manual control is switched off,
+    and in ``close()``.  It logs no pose if it has published no odometry since the last time.
 
     :param robot: the connected robot
     :param namespace: the ROS namespace of the topics and the service
@@ -115,6 +130,8 @@ class GrpcBridge(BridgeNode):
             client, KACHAKA.command_timeout, robot.texts, self._log_thread.log, give_up)
         self._health = HealthPoller(
             client, self._driver, self._log_thread.log, self._publish_diagnostics)
+        #: the newest odometry message of the robot's SDK; None if it was logged or none has come
+        self._newest: Any = None
         self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
         self._pollers = [
             self._odometry_poller(publisher, fetch)
@@ -167,6 +184,8 @@ class GrpcBridge(BridgeNode):
         :returns: an empty text for success; else the reason for the failure
         """
         result = self._driver.set_manual_control(enabled)
+        if not enabled:
+            self._log_pose()
         return '' if result.is_success else self._driver.describe(result) or 'no reason given'
 
     def close(self) -> None:
@@ -185,10 +204,18 @@ class GrpcBridge(BridgeNode):
         self._health.join(HEALTH_EXIT_TIMEOUT)
         for poller in self._pollers:
             poller.join(ODOMETRY_DEADLINE)
+        self._log_pose()
         self._log_thread.close()
+
+    def _log_pose(self) -> None:
+        newest, self._newest = self._newest, None
+        if newest is not None:
+            self._log_thread.log(
+                Level.OK, pose_text(planar_pose(newest), 'by its newest odometry'))
 
     def _odometry_poller(self, publisher: Publisher, fetch: Fetch) -> OdometryPoller:
         def publish(source: Any) -> None:
+            self._newest = source
             now = self.get_clock().now().to_msg()
             publisher.publish(odometry(source, now, self._frame_prefix))
 

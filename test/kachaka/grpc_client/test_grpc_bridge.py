@@ -200,6 +200,26 @@ def test_odometry_is_fetched_only_for_subscribers(probe, namespace):
         assert stamps == sorted(set(stamps)), 'each reading once'
 
 
+@pytest.mark.parametrize('is_released', [True, False])
+def test_where_the_robot_ended_is_logged(probe, namespace, is_released):
+    """When it is released, or when the bridge ends first."""
+    with SimulatedRobot() as robot:
+        with real_bridge(robot.address, '--namespace', namespace) as process:
+            received, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
+            probe.set_enabled(namespace, True)
+            probe.send(publisher, 0.1)
+            assert wait_until(lambda: received and received[-1][1].pose.pose.position.x > 0.02)
+            assert wait_until(lambda: received[-1][1].twist.twist.linear.x == 0.0)
+            assert ': pose: ' not in process.text
+            if is_released:
+                probe.set_enabled(namespace, False)
+                process.wait_for_text(': pose: 0.0')
+            process.process.send_signal(signal.SIGINT)
+            assert process.end(5.0) == 0
+        x = received[-1][1].pose.pose.position.x
+        assert f': pose: {x:.4f} m, 0.0000 m, 0.00 deg (x, y, heading, by its' in process.text
+
+
 @pytest.mark.parametrize(('options', 'code', 'text'), [
     (('--address', '127.0.0.1:1'), 3, 'refuses connections: switch the Kachaka API on'),
     (('--address', 'no-such-robot.invalid'), 3, "there is no host 'no-such-robot.invalid'"),
