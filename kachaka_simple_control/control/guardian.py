@@ -34,6 +34,7 @@ import threading
 from kachaka_simple_control.control.processes import boottime
 from kachaka_simple_control.control.timing import (
     GUARDIAN_EXIT_TIMEOUT,
+    GUARDIAN_START_TIMEOUT,
     GUARDIAN_TIMEOUT,
     STOP_MARGIN,
 )
@@ -501,7 +502,10 @@ class GuardianProcess:
         """
         with contextlib.suppress(RunFaultError):
             self.send(guardian, GuardianMessage.LEAVE)
-        if not guardian.has_left.wait(guardian.leave_timeout):
+        timeout = guardian.leave_timeout
+        if len(self._guardians) > 1 and not self.participants:
+            timeout += GUARDIAN_START_TIMEOUT
+        if not guardian.has_left.wait(timeout):
             self._process.kill()
         with self._adding:
             self._guardians.pop(guardian.number, None)

@@ -91,6 +91,9 @@ GUARDIAN_TIMEOUT = 0.5
 GUARDIAN_PRIME_TIMEOUT = 1.0
 #: How long the guardian may take to end by itself before it is killed.  Chosen.
 GUARDIAN_EXIT_TIMEOUT = 1.0
+#: How much longer the guardian may take to leave a robot if it still starts, and other robots need
+#: it.  Chosen: on a busy machine it starts late.
+GUARDIAN_START_TIMEOUT = 5.0
 #: How long the guardian waits for a subscriber before it joins the graph with a new participant,
 #: for each attempt.  Measured: every second to fourth participant of Fast DDS is discovered up to
 #: 3 s late, and the others within 0.1 s.

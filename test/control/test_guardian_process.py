@@ -130,6 +130,15 @@ def test_the_process_ends_with_its_last_robot(start, claim):
     second.shutdown()  # without effect
 
 
+def test_a_guardian_that_starts_late_is_not_killed_while_another_robot_needs_it(start, claim):
+    process = start('import time; time.sleep(2.5)' + PROGRAM)
+    first, second = (process.add(*ROBOT, claim) for _ in range(2))
+    first.shutdown()
+    assert is_running(process._process.pid)
+    second.prime()
+    assert wait_until(lambda: second.prime_count)
+
+
 def test_nothing_is_sent_for_a_robot_after_it_was_released(start, claim, seen):
     """Its slot may belong to another robot by then, whose run must not be called stopped."""
     process = start()
