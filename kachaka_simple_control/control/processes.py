@@ -11,16 +11,24 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Start child processes, read the state of processes, set priorities, and read the boot clock."""
+"""
+Start child processes, read the state of processes, and set their priorities.
+
+Also read the boot clock, and end this process if it hangs.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import contextlib
+import faulthandler
 from functools import partial
 import os
 from pathlib import Path
 import sys
 import time
+
+from kachaka_simple_control.control.output import STDERR
 
 #: The Python code of a child process.  It removes the empty entry of the search path, which means
 #: the current folder.  The reason: the user may start the program in the folder of this package,
@@ -59,6 +67,25 @@ def child_environment() -> dict[str, str]:
     entries = [Path(entry).resolve() for entry in sys.path]
     path = os.pathsep.join(str(entry) for entry in entries if entry != PACKAGE)
     return {**os.environ, 'PYTHONPATH': path}
+
+
+@contextlib.contextmanager
+def ended_after(timeout: float) -> Iterator[None]:
+    """
+    End this process with exit code 1 if a block takes longer than a time, as a context manager.
+
+    Before that, the call stack of each thread is written to standard error.
+
+    The reason: Fast DDS may hang while a node is destroyed.  Python may then run no code at all,
+    so this is the work of a thread that needs no Python.
+
+    :param timeout: the longest time for the block [s]
+    """
+    faulthandler.dump_traceback_later(timeout, file=STDERR, exit=True)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
 
 
 def is_stopped(pid: int) -> bool:
