@@ -83,6 +83,15 @@ def sinc(angle: float) -> float:
     return 1.0 - angle * angle / 6.0 if abs(angle) < 1e-4 else math.sin(angle) / angle
 
 
+def yaw(x: float, y: float, z: float, w: float) -> float:
+    """
+    Return the heading of a rotation [rad], between -pi and pi.
+
+    :param x: the quaternion of the rotation; the other parameters are its other components
+    """
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
 def advance(pose: Pose, distance: float, angle: float) -> Pose:
     """
     Return the pose of a robot after it has driven along an arc.

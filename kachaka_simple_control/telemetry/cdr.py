@@ -23,7 +23,7 @@ from collections.abc import Sequence
 import math
 import struct
 
-from kachaka_simple_control.motion.geometry import Pose, Velocity
+from kachaka_simple_control.motion.geometry import Pose, Velocity, yaw
 
 #: The encapsulation header of plain little-endian CDR (CDR_LE in DDSI-RTPS).  The alignment of the
 #: data is counted from the end of this header.
@@ -149,9 +149,8 @@ def read_odometry(data: bytes) -> tuple[bytes, int, Pose, Velocity]:
     begin = len(ENCAPSULATION) + STAMP_SIZE + 4
     x, y, _, qx, qy, qz, qw = struct.unpack_from(f'{order}7d', data, len(data) - POSE_TO_END)
     linear_x, *_, angular_z = struct.unpack_from(f'{order}6d', data, len(data) - VELOCITY_TO_END)
-    yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-    return (data[begin:begin + length - 1], seconds * NANO + nanoseconds, Pose(x, y, yaw),
-            Velocity(linear_x, angular_z))
+    return (data[begin:begin + length - 1], seconds * NANO + nanoseconds,
+            Pose(x, y, yaw(qx, qy, qz, qw)), Velocity(linear_x, angular_z))
 
 
 class PathSerializer:

@@ -20,7 +20,6 @@ The module also converts the robot's odometry to ROS messages.
 from __future__ import annotations
 
 from collections.abc import Callable
-import math
 import time
 from typing import Any
 
@@ -42,7 +41,7 @@ from kachaka_simple_control.kachaka.grpc_client.robot_driver import (
 )
 from kachaka_simple_control.kachaka.robot_status import connection_status, robot_status
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
-from kachaka_simple_control.motion.geometry import Pose, Velocity
+from kachaka_simple_control.motion.geometry import Pose, Velocity, yaw
 from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.executors import ExecutorLoop, SubscriptionExecutor
 from kachaka_simple_control.ros.names import DIAGNOSTICS
@@ -84,9 +83,9 @@ def planar_pose(source: Any) -> Pose:
 
     :param source: the message of the SDK, a RosOdometry
     """
-    where, turn = source.pose.pose.position, source.pose.pose.orientation
-    return Pose(where.x, where.y, math.atan2(
-        2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y ** 2 + turn.z ** 2)))
+    position, rotation = source.pose.pose.position, source.pose.pose.orientation
+    return Pose(
+        position.x, position.y, yaw(rotation.x, rotation.y, rotation.z, rotation.w))
 
 
 def _copy(source: Any, target: Any, names: str) -> None:
@@ -184,7 +183,7 @@ class GrpcBridge(BridgeNode):
         :returns: an empty text for success; else the reason for the failure
         """
         result = self._driver.set_manual_control(enabled)
-        if not enabled:
+        if result.is_success and not enabled:
             self._log_pose()
         return '' if result.is_success else self._driver.describe(result) or 'no reason given'
 
@@ -215,7 +214,8 @@ class GrpcBridge(BridgeNode):
 
     def _odometry_poller(self, publisher: Publisher, fetch: Fetch) -> OdometryPoller:
         def publish(source: Any) -> None:
-            self._newest = source
+            if publisher is self._odometry[0]:
+                self._newest = source
             now = self.get_clock().now().to_msg()
             publisher.publish(odometry(source, now, self._frame_prefix))
 
