@@ -496,13 +496,15 @@ class GuardianProcess:
         End the guardian's work for one robot; after the last robot, end the guardian process.
 
         This method waits until the guardian can no longer send to the robot.  If the guardian does
-        not answer in time, it is killed, and the drives of all other robots end with an error.
+        not answer in time, it is killed, and the drives of all other robots end with an error.  A
+        guardian that has not started yet gets more time if there are other robots.
 
         :param guardian: the interface to the guardian for this robot
         """
         with contextlib.suppress(RunFaultError):
             self.send(guardian, GuardianMessage.LEAVE)
         timeout = guardian.leave_timeout
+        # It reports its participant when it has started.
         if len(self._guardians) > 1 and not self.participants:
             timeout += GUARDIAN_START_TIMEOUT
         if not guardian.has_left.wait(timeout):
