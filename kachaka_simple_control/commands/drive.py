@@ -36,7 +36,7 @@ from kachaka_simple_control.commands.settings import (
 from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import make_nonblocking, print_result, STDERR, STDOUT
 from kachaka_simple_control.control.processes import ended_after
-from kachaka_simple_control.control.timing import CLOSE_TIMEOUT
+from kachaka_simple_control.control.timing import SHUTDOWN_TIMEOUT
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.errors import RunFaultError, UsageError
 from kachaka_simple_control.files.library import find, lesson_motion
@@ -129,7 +129,9 @@ def drive(options: Options) -> DriveLog:
                 robot_control.stop_robot()
             finally:
                 subscribers.stop_confirmed_after = robot_control.stop_confirmed_after
-                with ended_after(CLOSE_TIMEOUT):
+                # If the stop above failed, the node and its guardian send one more each.
+                stops = 2.0 * robot_control.profile.command_timeout
+                with ended_after(SHUTDOWN_TIMEOUT + stops):
                     robot_control.destroy_node()
                     rclpy.try_shutdown()
     if reporter is not None and (reporter.exit_code or reporter.failure is not None):

@@ -102,9 +102,10 @@ DISCOVERY_RETRY_TIMEOUTS = (0.15, 0.2, 0.4, 0.8, 0.8)
 # --- End of a command ----------------------------------------------------------------------------
 
 #: How long a command may take to release the robot and to leave the ROS graph, before the process
-#: is ended.  Chosen: longer than all timeouts of this phase together.  Seen once: a command that
-#: had driven nothing hung after Ctrl+C for more than 30 s; then in none of 400 trials.
-CLOSE_TIMEOUT = 15.0
+#: is ended, without the zero velocities of a stop.  Chosen: longer than all timeouts of this phase
+#: together.  Seen once: a command that had driven nothing hung after Ctrl+C for more than 30 s;
+#: then in none of 400 trials.
+SHUTDOWN_TIMEOUT = 15.0
 
 # --- Pause ---------------------------------------------------------------------------------------
 

@@ -30,7 +30,9 @@ import time
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.control.output import make_log_nonblocking
+from kachaka_simple_control.control.processes import ended_after
 from kachaka_simple_control.control.signals import ShutdownEvent
+from kachaka_simple_control.control.timing import SHUTDOWN_TIMEOUT
 from kachaka_simple_control.errors import RobotNotFoundError, RobotTakenError
 from kachaka_simple_control.exit_codes import BAD_USAGE, FAULTED, NO_ROBOT, OneLineParser
 from kachaka_simple_control.kachaka.bridge_process import PARTICIPANT
@@ -112,9 +114,10 @@ def _run(args: list[str], shutdown: ShutdownEvent) -> None:
     try:
         _serve(node, shutdown, options.with_parent)
     finally:
-        node.close()
-        node.destroy_node()
-        rclpy.try_shutdown()
+        with ended_after(SHUTDOWN_TIMEOUT):
+            node.close()
+            node.destroy_node()
+            rclpy.try_shutdown()
     if fault.text:
         raise ExitError(FAULTED, fault.text)
 

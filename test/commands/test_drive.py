@@ -355,7 +355,7 @@ def test_a_command_that_cannot_leave_the_graph_ends_all_the_same(listener, tmp_p
     text = """
 import ctypes
 from kachaka_simple_control.commands import drive
-drive.CLOSE_TIMEOUT = 2.0
+drive.SHUTDOWN_TIMEOUT = 2.0
 drive.rclpy.try_shutdown = lambda: ctypes.PyDLL(None).sleep(60)  # keeps the interpreter's lock
 from kachaka_simple_control.commands.drive_or_preview import main
 exit(main(['straight', '--wait']))
@@ -364,7 +364,7 @@ exit(main(['straight', '--wait']))
         started.wait_for_text('Standing by')
         started.send(signal.SIGINT)
         assert started.end() == 1
-    assert 'Timeout (0:00:02)!' in started.text
+    assert 'Timeout (0:00:02' in started.text
 
 
 def test_standing_by_without_a_drive_prints_no_table(tmp_path):

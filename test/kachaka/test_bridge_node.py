@@ -22,6 +22,7 @@ import time
 from types import SimpleNamespace
 
 from optional_libraries import optional_imports
+from program import script
 import pytest
 from ros_support import bridge, BridgeProcess
 from waiting import wait_until
@@ -109,6 +110,22 @@ def test_where_the_robot_ended_is_logged_when_the_bridge_ends_first(probe, names
         process.process.send_signal(signal.SIGINT)
         assert process.end(3.0) == 0
         assert process.text.count(': pose: -0.0300 m, 0.0000 m, 0.00 deg (x, y, heading') == 1
+
+
+def test_a_bridge_that_cannot_leave_the_graph_ends_all_the_same(tmp_path):
+    text = """
+import ctypes
+from kachaka_simple_control.kachaka import bridge_command
+import rclpy
+bridge_command.SHUTDOWN_TIMEOUT = 1.0
+rclpy.try_shutdown = lambda: ctypes.PyDLL(None).sleep(60)  # keeps the interpreter's lock
+bridge_command.main(['--sim'])
+"""
+    with script(text, tmp_path) as started:
+        started.wait_for_text('ready: ')
+        started.send(signal.SIGTERM)
+        assert started.end() == 1
+    assert 'Timeout (0:00:01)!' in started.text
 
 
 def test_turning_is_reported_in_odometry(probe, namespace):
