@@ -48,12 +48,14 @@ class DriveRequest:
         the drive ended early
     :param stopped_by: if another thread has stopped the robot since this request, an error that
         describes the stop; otherwise None
+    :param period: the time between two velocities of this drive [s]; 0 until its plan is known
     """
 
     run: Run
     thread: int = field(default_factory=threading.get_ident)
     ended: float | None = None
     stopped_by: ControlError | None = None
+    period: float = 0.0
 
 
 class DriveRequests:
@@ -66,15 +68,12 @@ class DriveRequests:
 
     :param gate: the velocity gate, the only object that publishes velocities; it creates a run,
         the permission to send velocities, for each drive
-    :param period: the time between two velocity messages [s]
     :param clock: the steady clock [s]
     """
 
     def __init__(
-            self, gate: VelocityGate, period: float,
-            clock: Callable[[], float] = time.monotonic) -> None:
+            self, gate: VelocityGate, clock: Callable[[], float] = time.monotonic) -> None:
         self._gate = gate
-        self._period = period
         self._clock = clock
         self._busy = threading.Lock()
         self._newest: DriveRequest | None = None
@@ -134,7 +133,7 @@ class DriveRequests:
 
     def _continues(self, previous: DriveRequest, request: DriveRequest) -> bool:
         return (previous.ended is not None and previous.thread == request.thread
-                and self._clock() - previous.ended <= self._period)
+                and self._clock() - previous.ended <= previous.period)
 
 
 class ResumeConfirmation:

@@ -78,15 +78,23 @@ class LeaseRenewer:
     this rest.
 
     :param request: a function that sends a request, and does not wait for the response
-    :param response_timeout: how long a response may take while the robot is driven [s]
+    :param command_timeout: how long the robot keeps a velocity without a new one [s]
     """
 
     def __init__(
-            self, request: Callable[[], PendingResponse], response_timeout: float) -> None:
+            self, request: Callable[[], PendingResponse], command_timeout: float) -> None:
         self._request = request
-        self._response_timeout = response_timeout
+        self._command_timeout = self._response_timeout = command_timeout
         self._requested = float('-inf')
         self._pending: PendingResponse | None = None
+
+    def begin(self, period: float) -> None:
+        """
+        Prepare for a drive: a response and a period together must not exceed the command timeout.
+
+        :param period: the time between two velocities of this drive [s]
+        """
+        self._response_timeout = self._command_timeout - period
 
     def granted(self, requested: float) -> None:
         """
@@ -302,7 +310,7 @@ class RunMonitor:
         self.pause_pose.on_sent(is_held)
         self._rest_end = self.clock() + rest if rest else float('-inf')
 
-    def begin(self, feedback: PoseFeedback | None) -> None:
+    def begin(self, feedback: PoseFeedback | None, period: float) -> None:
         """
         Prepare the monitor for a new run, which is one drive of the robot.
 
@@ -310,8 +318,11 @@ class RunMonitor:
 
         :param feedback: the closed loop, which corrects the velocities of the new run with
             odometry; None to send the velocities as planned
+        :param period: the time between two velocities of the run [s]
         """
         self._feedback = feedback
+        if self._lease is not None:
+            self._lease.begin(period)
         self._checked = self.clock()
         self._held_since, self._is_released = None, False
         self._rest_end = float('-inf')

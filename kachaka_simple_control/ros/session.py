@@ -118,7 +118,7 @@ class Session:
             publish=publish)
         self._lease = LeaseRenewer(
             lambda: self._manual_control.request(True),
-            response_timeout=profile.command_timeout - 1.0 / parameters.rate)
+            profile.command_timeout)
         #: the speed relative to the plan: the product of named factors
         self.speed_factor = SpeedFactor()
         self._monitor = RunMonitor(
@@ -136,7 +136,7 @@ class Session:
             names.odometry if parameters.odometry_timeout else None, self.odometry, self.gate,
             self._claim, self._guardian, self._discovery, self._foreign, self._manual_control,
             self._lease, self._executor)
-        self._requests = DriveRequests(self.gate, 1.0 / parameters.rate)
+        self._requests = DriveRequests(self.gate)
         self._request: DriveRequest | None = None
         self._publish = publish
         #: the run whose stop was logged last; this session before the first stop
@@ -241,7 +241,7 @@ class Session:
             returns it; None without a closed loop
         """
         try:
-            self._prepare(request, begin_feedback)
+            self._prepare(request, begin_feedback, period)
             with old_objects_frozen():
                 run = self.robot_drive.begin(
                     source, time.monotonic(), period, request.run,
@@ -260,7 +260,7 @@ class Session:
 
     def _prepare(
             self, request: DriveRequest,
-            begin_feedback: Callable[[], PoseFeedback | None]) -> None:
+            begin_feedback: Callable[[], PoseFeedback | None], period: float) -> None:
         """
         Get control of the robot, and prepare the checks and corrections for a drive.
 
@@ -269,15 +269,17 @@ class Session:
         :param request: the request for this drive; if a stop has come since the request, this
             object contains the error that describes the stop
         :param begin_feedback: a function that starts the closed loop, if the drive has one
+        :param period: the normal time between two velocities [s]
         """
         self._request, self._has_reported = request, False
+        request.period = period
         self._require_not_stopped()
         self._connection.take(self._require_wanted)
         feedback = begin_feedback()
         # Only now: the pending stop of the previous movement must still be sent if the wait for
         # the robot is long.
         self._stopper.cancel_pending()
-        self._monitor.begin(feedback)
+        self._monitor.begin(feedback, period)
         if self.speed_factor.is_hold:
             self._node.get_logger().warning(
                 f'The motion is held at its start ({self.speed_factor.describe()}): resume to '

@@ -36,7 +36,7 @@ class Bench:
             FakePublisher(self.time).transmit, Limits(0.3, 1.57), Latch(), None, self.time.clock,
             self.time.clock)
         self.gate.open()
-        self.requests = DriveRequests(self.gate, PERIOD, self.time.clock)
+        self.requests = DriveRequests(self.gate, self.time.clock)
 
     def stop(self):
         """Stop as a session does."""
@@ -49,9 +49,10 @@ class Bench:
         thread.start()
         thread.join()
 
-    def drive(self, is_complete=True):
+    def drive(self, is_complete=True, period=PERIOD):
         """Begin and end a drive."""
         request = self.requests.accept()
+        request.period = period
         self.gate.begin(0.2, request.run)
         self.requests.finish(request, is_complete)
 
@@ -96,11 +97,25 @@ def test_a_stop_between_two_movements_that_follow_at_once_refuses_the_second(ben
 
 def test_a_stop_at_the_last_moment_of_a_movement_refuses_the_next(bench):
     request = bench.requests.accept()
+    request.period = PERIOD
     bench.gate.begin(0.2, request.run)
     bench.stop_from_outside()
     bench.requests.finish(request, is_complete=True)
     with pytest.raises(MotionRefusedError, match='from outside'):
         bench.drive()
+
+
+@pytest.mark.parametrize('period', [0.02, 0.19])
+def test_a_series_goes_by_the_period_of_the_drive_that_ended(bench, period):
+    bench.drive(period=period)
+    bench.time.now += 0.9 * period
+    bench.stop_from_outside()
+    with pytest.raises(MotionRefusedError, match='from outside'):
+        bench.drive(period=PERIOD)
+    bench.drive(period=period)
+    bench.stop_from_outside()
+    bench.time.now += 1.1 * period
+    bench.drive(period=PERIOD)
 
 
 def test_a_movement_some_time_after_a_stop_is_a_new_request(bench):

@@ -90,7 +90,7 @@ class Robot:
             check_subscribed=lambda: None, check_identity=lambda: None,
             check_exclusive=lambda: None, has_changed=lambda: False, update=lambda: False)
         self.response = SimpleNamespace(done=True, refusal=None)
-        self.lease = LeaseRenewer(lambda: self.response, COMMAND_TIMEOUT - PLAN.period)
+        self.lease = LeaseRenewer(lambda: self.response, COMMAND_TIMEOUT)
         self.lease.granted(self.time.now)
         self.monitor = RunMonitor(
             self.guardian, self.lease, self.port, self.port, self.odometry,
@@ -141,7 +141,7 @@ class Robot:
         """Drive; at a time after t = 0 something happens.  Return the error that ends it."""
         if self.feedback is not None:
             self.feedback.begin(PLAN, LIMITS)
-        self.monitor.begin(self.feedback)
+        self.monitor.begin(self.feedback, PLAN.period)
         self.drive.request('there', PLAN)
         start = self.time.now
         self.at, self.happen = start + at, happen

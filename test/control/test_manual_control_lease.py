@@ -21,7 +21,7 @@ from kachaka_simple_control.control.run_monitor import LeaseRenewer
 from kachaka_simple_control.errors import RunFaultError
 import pytest
 
-RESPONSE_TIMEOUT = 0.2
+COMMAND_TIMEOUT = 0.3
 
 
 class Robot:
@@ -59,7 +59,8 @@ class Answer:
 
 def drive(robot, duration, rest_at=lambda _: 0.0, period=0.1):
     """Drive in simulated time, as a run does."""
-    renewer = LeaseRenewer(robot.ask, RESPONSE_TIMEOUT)
+    renewer = LeaseRenewer(robot.ask, COMMAND_TIMEOUT)
+    renewer.begin(period)
     renewer.granted(0.0)
     for tick in range(round(duration / period)):
         robot.now = tick * period
@@ -112,8 +113,25 @@ def test_a_refusal_is_a_fault_with_the_robots_reason():
 
 
 def test_before_a_run_it_is_renewed_when_a_rest_would_be_used():
-    renewer = LeaseRenewer(Robot().ask, RESPONSE_TIMEOUT)
+    renewer = LeaseRenewer(Robot().ask, COMMAND_TIMEOUT)
     assert renewer.is_stale(0.0)
     renewer.granted(0.0)
     assert not renewer.is_stale(19.9)
     assert renewer.is_stale(20.0)
+
+
+@pytest.mark.parametrize('rate', [5.5, 10.0, 50.0])
+def test_a_response_and_a_period_together_never_exceed_the_command_timeout(rate):
+    """The period is the one of this drive, whatever an earlier drive had."""
+    robot, period = Robot(delay=1.0), 1.0 / rate
+    renewer = LeaseRenewer(robot.ask, COMMAND_TIMEOUT)
+    renewer.begin(0.02)
+    renewer.granted(0.0)
+    renewer.begin(period)
+    robot.now = 50.0
+    renewer.renew_if_due(robot.now, 0.0)
+    robot.now += COMMAND_TIMEOUT - period - 1e-3
+    renewer.poll(robot.now)
+    robot.now += 2e-3
+    with pytest.raises(RunFaultError, match='not renewed'):
+        renewer.poll(robot.now)

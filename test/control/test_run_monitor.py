@@ -57,7 +57,7 @@ def begun(clock):
     parameters = SimpleNamespace(odometry_timeout=0.5, pause_timeout=600.0)
     monitor = RunMonitor(
         NullGuardian(), None, anything, anything, odometry, parameters, SpeedFactor())
-    monitor.begin(None)
+    monitor.begin(None, 0.1)
     odometry.on_odometry(clock.now, ZERO)
     return monitor, odometry
 

@@ -334,6 +334,18 @@ def test_a_renewal_slower_than_the_command_timeout_is_a_fault(make, monkeypatch)
         assert not listener.received[-1].moves
 
 
+def test_the_time_for_a_renewal_follows_from_the_rate_of_the_motion(make, monkeypatch):
+    from listener import Listener
+    monkeypatch.setattr(run_monitor, 'LEASE_RENEW_AT_REST', 0.5)
+    monkeypatch.setattr(run_monitor, 'LEASE_RENEW_LATEST', 1.0)
+    with Listener(delay=0.4) as listener:
+        # 280 ms at the 50 Hz of the parameter; a period at 5.5 Hz takes 182 of the 300 ms.
+        with pytest.raises(RunFaultError, match='not renewed within 118 ms'):
+            make(rate=50.0).run(Motion('slow', [Move(0.1, 0.0, 5.0)]), rate=5.5)
+        time.sleep(0.5)
+        assert not listener.received[-1].moves
+
+
 def test_a_robot_without_manual_control_is_not_asked_for_it(make):
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     from listener import Listener
