@@ -333,6 +333,7 @@ class KachakaSimpleControl(Node):
         self._introspection.close()
         signal_dispatcher.unregister(self._signal_handler)
         _sessions.remove(self.session.close)
+        self._allow_shutdown()
         atexit.unregister(self._close_at_exit)
         super().destroy_node()
 
@@ -362,7 +363,7 @@ class KachakaSimpleControl(Node):
                 'main thread, or call stop_robot() on the way out')
         signal_dispatcher.reinstall()
         _sessions.add(self.session.close, self.context)
-        before_shutdown(self.context, self._release)
+        self._allow_shutdown = before_shutdown(self.context, self._release)
         # atexit calls in reverse order, so the robot is released first.
         atexit.unregister(_discard_if_stopped)
         atexit.register(_discard_if_stopped)

@@ -32,7 +32,7 @@ import sys
 import threading
 import time
 
-from kachaka_simple_control.control.processes import is_running
+from kachaka_simple_control.control.processes import call_in_forked_children, is_running
 from kachaka_simple_control.control.timing import (
     CLAIM_ANSWER_TIMEOUT,
     CLAIM_RETRY_PERIOD,
@@ -86,7 +86,7 @@ class MachineClaim:
     def __init__(self) -> None:
         self._socket = socket.socket(socket.AF_UNIX)
         self._is_held = False
-        os.register_at_fork(after_in_child=self._socket.close)
+        call_in_forked_children(self._close_in_child)
 
     def fileno(self) -> int:
         """
@@ -96,6 +96,9 @@ class MachineClaim:
         ends.
         """
         return self._socket.fileno()
+
+    def _close_in_child(self) -> None:
+        self._socket.close()
 
     def take(self, name: str, who: str) -> None:
         """

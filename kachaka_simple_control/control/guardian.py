@@ -31,7 +31,7 @@ import subprocess
 import tempfile
 import threading
 
-from kachaka_simple_control.control.processes import boottime
+from kachaka_simple_control.control.processes import boottime, call_in_forked_children
 from kachaka_simple_control.control.timing import (
     GUARDIAN_EXIT_TIMEOUT,
     GUARDIAN_START_TIMEOUT,
@@ -443,7 +443,7 @@ class GuardianProcess:
             os.set_blocking(self._pipe, False)
             robots, self._robots = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
             self._robots.settimeout(ADD_TIMEOUT)
-            os.register_at_fork(after_in_child=self._close_in_child)
+            call_in_forked_children(self._close_in_child)
             kept = (messages, robots.fileno(), file.fileno())
             self._process = subprocess.Popen(
                 [*command, *map(str, kept)], env=environment, pass_fds=kept,

@@ -19,7 +19,7 @@ Also read the boot clock, and end this process if it hangs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import contextlib
 import faulthandler
 from functools import partial
@@ -27,6 +27,8 @@ import os
 from pathlib import Path
 import sys
 import time
+from typing import Any
+import weakref
 
 from kachaka_simple_control.control.output import STDERR
 
@@ -44,6 +46,26 @@ STOPPED_STATES = ('T', 't')
 boottime = partial(time.clock_gettime, time.CLOCK_BOOTTIME)
 #: The increment of the nice value for a low priority.
 NICENESS = 10
+
+_called_in_children: set[weakref.WeakMethod[Any]] = set()
+
+
+def call_in_forked_children(method: Callable[[], object]) -> None:
+    """
+    Let each forked child process call a method of an object, as long as this object is in use.
+
+    ``os.register_at_fork`` alone would keep the object, with its descriptors, until the end.
+    """
+    _called_in_children.add(weakref.WeakMethod(method, _called_in_children.discard))
+
+
+def _call_in_child() -> None:
+    for reference in list(_called_in_children):
+        if (method := reference()) is not None:
+            method()
+
+
+os.register_at_fork(after_in_child=_call_in_child)
 
 
 def python_command(module: str) -> list[str]:

@@ -22,11 +22,13 @@ NodeExecutor runs all other callbacks.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+import contextlib
 import sys
 import threading
 import time
 from types import FrameType
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from rclpy.context import Context
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
@@ -156,27 +158,39 @@ def _executor_frames(frame: FrameType | None) -> Iterator[FrameType]:
         frame = frame.f_back
 
 
-def before_shutdown(context: Context, callback: Callable[[], None]) -> None:
+#: What is to be called before each context shuts down.
+_before_shutdown: WeakKeyDictionary[Context, list[Callable[[], None]]] = WeakKeyDictionary()
+
+
+def before_shutdown(context: Context, callback: Callable[[], None]) -> Callable[[], None]:
     """
     Make a ROS context call a function before it is shut down.
 
-    For this, replace the methods ``shutdown`` and ``try_shutdown`` of the context.  The new
-    methods first call the function, then the original method.
-
-    The reason: ``Context.on_shutdown`` of rclpy calls its callbacks after the shutdown, when
+    For this, the methods ``shutdown`` and ``try_shutdown`` of the context are replaced, once.  The
+    reason: ``Context.on_shutdown`` of rclpy calls its callbacks after the shutdown, when
     publishing is no longer possible (ros2/rclpy issue 1077).
 
     :param context: the context that will be shut down
     :param callback: the function to call.  It is called in the thread that calls ``shutdown`` or
-        ``try_shutdown``, at each of these calls
+        ``try_shutdown``, at each of these calls; the newest function comes first
+    :returns: a function that takes it back, so that nothing refers to the callback any more
     """
-    for name in ('shutdown', 'try_shutdown'):
-        setattr(context, name, _preceded(getattr(context, name), callback))
+    if context not in _before_shutdown:
+        for name in ('shutdown', 'try_shutdown'):
+            setattr(context, name, _preceded(getattr(context, name), context))
+    callbacks = _before_shutdown.setdefault(context, [])
+    callbacks.append(callback)
+
+    def remove() -> None:
+        with contextlib.suppress(ValueError):
+            callbacks.remove(callback)
+    return remove
 
 
-def _preceded(function: Callable[..., Any], callback: Callable[[], None]) -> Callable[..., Any]:
+def _preceded(function: Callable[..., Any], context: Context) -> Callable[..., Any]:
     def wrapped(*args: Any, **kwargs: Any) -> Any:
-        callback()
+        for callback in reversed([*_before_shutdown[context]]):
+            callback()
         return function(*args, **kwargs)
     return wrapped
 

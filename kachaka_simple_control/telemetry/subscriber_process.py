@@ -139,7 +139,7 @@ class SubscriberProcess:
         # Only Linux can enlarge a pipe, and it may refuse.  A smaller pipe also works.
         with contextlib.suppress(AttributeError, OSError):
             fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, PIPE_SIZE)
-        os.register_at_fork(after_in_child=self._close)
+        processes.call_in_forked_children(self._close)
         self._process = subprocess.Popen(
             command, env=processes.child_environment(), stdin=reader, stdout=stdout,
             start_new_session=True, pass_fds=pass_fds)

@@ -13,10 +13,13 @@
 # limitations under the License.
 """The node inside this process: what it refuses, renews and records."""
 
+import gc
 import math
+from pathlib import Path
 import threading
 import time
 from types import SimpleNamespace
+import weakref
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control import run_monitor
@@ -431,3 +434,22 @@ def test_limits_above_those_of_the_robot_are_no_way_to_a_fault_in_mid_motion(
     with pytest.raises(InvalidMotionError, match="outside the robot's limits"):
         node.run(motion, Limits(1.0, 3.0))
     assert listener.received == []
+
+
+def test_a_destroyed_node_leaves_nothing_behind(listener, make):
+    """Neither its context nor the hooks for forked children keep it, with its descriptors."""
+    from kachaka_simple_control import KachakaSimpleControl
+    from rclpy.parameter import Parameter
+    make()  # the first node makes what belongs to the process
+    nodes, counts = [], []
+    for _ in range(4):
+        node = KachakaSimpleControl(parameter_overrides=[Parameter('prime_time', value=0.1)])
+        node.move_robot(0.1, 0.0, 0.1)
+        node.destroy_node()
+        nodes.append(weakref.ref(node))
+        del node
+        gc.collect()
+        counts.append(sum(1 for _ in Path('/proc/self/fd').iterdir()))
+    # A thread of the newest node may still be ending.
+    assert [index for index, node in enumerate(nodes[:-1]) if node() is not None] == []
+    assert counts[0] == counts[-1]
