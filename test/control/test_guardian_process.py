@@ -72,6 +72,7 @@ def start(seen):
     for process in started:
         process._process.kill()
         process._process.wait()
+        process._close()
 
 
 @pytest.fixture
