@@ -98,7 +98,7 @@ class DriveLoop:
             self, clock: Callable[[], float] = time.monotonic,
             sleep: Callable[[float], None] | None = None) -> None:
         self._clock = clock
-        self._sleeper = Sleeper()
+        self._sleeper: Sleeper | None = Sleeper()
         self._sleep = sleep or self._sleeper.sleep
         self._woken: deque[RobotDrive] = deque()
 
@@ -110,7 +110,13 @@ class DriveLoop:
         Any thread may call this.
         """
         self._woken.append(drive)
-        self._sleeper.wake()
+        # Another thread may call ``close``: this reference keeps the pipe open meanwhile.
+        if (sleeper := self._sleeper) is not None:
+            sleeper.wake()
+
+    def close(self) -> None:
+        """Let go of the pipe, which closes when no thread sleeps or wakes any more."""
+        self._sleeper, self._sleep = None, time.sleep
 
     def run(
             self, drives: Sequence[RobotDrive],

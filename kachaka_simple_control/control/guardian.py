@@ -61,6 +61,10 @@ class SharedByte:
         """Whether the byte is set, which means that its value is not 0."""
         return self._memory[0] != 0
 
+    def detach(self) -> None:
+        """Go on with a copy in the memory of this process, so that the shared one can be freed."""
+        self._memory = bytearray(self._memory)
+
 
 class Latch(SharedByte):
     """
@@ -155,6 +159,12 @@ class RobotSlot:
     def heartbeat(self, time: float) -> None:
         struct.pack_into('d', self._memory, 0, time)
 
+    def detach(self) -> None:
+        """Go on with a copy of the slot, so that the shared memory can be freed."""
+        self._memory = memoryview(bytearray(self._memory))
+        self.latch.detach()
+        self.sending.detach()
+
     def clear(self) -> None:
         """Set all bytes of this memory to 0, so that another robot can use it."""
         self._memory[:] = bytes(self.SIZE)
@@ -178,6 +188,10 @@ class GuardianMemory:
 
     def __init__(self, file: int) -> None:
         self._memory = memoryview(mmap.mmap(file, self.SIZE))
+
+    def detach(self) -> None:
+        """Go on with a copy; the shared memory is freed when no slot refers to it any more."""
+        self._memory = memoryview(bytearray(self._memory))
 
     @property
     def check_count(self) -> int:
@@ -381,6 +395,10 @@ class Guardian:
         """
         self._process.remove(self)
 
+    def detach(self) -> None:
+        """Go on with a copy of the robot's slot: the guardian has left the robot."""
+        self._slot.detach()
+
     def on_report(self, word: str, value: str) -> None:
         """
         Process a line that the guardian, a separate process, has printed about this robot.
@@ -509,11 +527,13 @@ class GuardianProcess:
             timeout += GUARDIAN_START_TIMEOUT
         if not guardian.has_left.wait(timeout):
             self._process.kill()
+        guardian.detach()
         with self._adding:
             self._guardians.pop(guardian.number, None)
             if self._guardians:
                 return
             self._close()
+            self.memory.detach()
         self._wait()
         if self.shared_file is not None:
             os.close(self.shared_file)

@@ -428,6 +428,7 @@ class Session:
                 self._connection.release()
                 self._is_closed = True
                 self._claim.release()
+                self._loop.close()
             self._executor.stop()
             if self._reader is not None:
                 self._reader.stop()
