@@ -97,6 +97,10 @@ HELD_UP_ADVICE = (
     'what keeps it so; then drive again')
 
 
+#: The answer to a command that comes when nothing is driven any more.
+ENDED = 'ended: nothing is driven any more'
+
+
 class PauseTimeoutError(RunFaultError):
     """A motion was paused for too long and was ended; other programs can now drive the robot."""
 

@@ -262,6 +262,8 @@ class KachakaSimpleControl(Node):
         A pause is not a stop: the robot brakes gently, and ``resume()`` continues the motion.  To
         stop, call ``stop_robot()``.  If no motion is running, the next motion is paused at its
         start.  Any thread may call this method.
+
+        :raises ControlError: if no motion is allowed to start any more
         """
         self.commander.pause()
 

@@ -21,6 +21,7 @@ browser uses this, and so may any other program.
 from __future__ import annotations
 
 from collections.abc import Callable
+import contextlib
 from queue import SimpleQueue
 import threading
 
@@ -127,7 +128,7 @@ class RemoteControl(RemoteCommands):
                 return
             if self._session.speed_factor.factors.get(REMOTE) == 0.0:
                 # Who is there again may not know that the motion was held.
-                self._commander.pause()
+                self._pause()
             self._session.speed_factor.set(REMOTE, 1.0, REMOTE_SILENCE_TIMEOUT)
 
     def _execute(self, command: protocol.Command) -> None:
@@ -283,12 +284,16 @@ class RemoteControl(RemoteCommands):
             self._reason = str(error)
         self._jobs.put(None)
 
+    def _pause(self) -> None:
+        with contextlib.suppress(ControlError):  # it was stopped for good: nothing to pause
+            self._commander.pause()
+
     def _on_closed(self) -> None:
         """Stop the hand at once, and bring a motion to rest before it is stopped."""
         if (hand := self._hand) is not None:
             hand.stop()
         elif self._is_running_motion:
-            self._commander.pause()
+            self._pause()
             wait_until(lambda: self._session.robot_drive.is_at_rest, REMOTE_REST_TIMEOUT)
         self._cancel()
         self._end()

@@ -29,6 +29,7 @@ from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR, MOVED,
 from kachaka_simple_control.control.timing import RESUME_CONFIRM_TIMEOUT, RESUME_QUIET_TIME
 from kachaka_simple_control.errors import (
     ControlError,
+    ENDED,
     MotionRefusedError,
     MotionStoppedError,
     RobotMovedError,
@@ -37,6 +38,7 @@ from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.session import Session
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
@@ -159,7 +161,9 @@ class Commander:
         way, the next motion is paused before the robot moves.
 
         :returns: a text for the user that says what was done
+        :raises ControlError: if no motion may start any more, so that there is none to pause
         """
+        self._session.require_not_ended()
         if not self._factor.set(PAUSE, 0.0):
             return 'it was paused before'
         self._node.get_logger().info('Paused: resume to go on')
@@ -239,9 +243,13 @@ class Commander:
         Set the ROS parameter ``speed_factor``, the speed of the robot relative to the plan.
 
         :param factor: the new value, from 0.01 to 1; 1 means the planned speed
-        :raises MotionRefusedError: if the value is out of range
+        :raises ControlError: if the value is out of range, or no motion may start any more
         """
-        result = self._node.set_parameters([Parameter(PARAMETER, value=factor)])[0]
+        self._session.require_not_ended()
+        try:
+            result = self._node.set_parameters([Parameter(PARAMETER, value=factor)])[0]
+        except rclpy_implementation.InvalidHandle:  # the node was destroyed just now
+            raise MotionRefusedError(ENDED) from None
         if not result.successful:
             raise MotionRefusedError(result.reason)
 

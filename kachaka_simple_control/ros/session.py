@@ -404,7 +404,7 @@ class Session:
             now, if somebody moved the robot during the pause
         :raises ControlError: if the motion may not continue
         """
-        self._require_not_stopped()
+        self.require_not_ended()
         if not self._requests.is_busy or not self._connection.is_taken:
             return
         self._monitor.check_resume()
@@ -412,6 +412,16 @@ class Session:
             self._monitor.pause_pose.accept()
         else:
             self._monitor.pause_pose.require_not_moved()
+
+    def require_not_ended(self) -> None:
+        """
+        Raise an error if this session drives no more, so that a command has nothing to act on.
+
+        :raises ControlError: what has stopped the robot for good; ENDED after ``close``
+        """
+        if self._is_closed:
+            raise errors.MotionRefusedError(errors.ENDED)
+        self._require_not_stopped()
 
     def close(self) -> None:
         """

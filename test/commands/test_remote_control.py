@@ -13,14 +13,15 @@
 # limitations under the License.
 """Remote control: another program drives by lines on standard input."""
 
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 import fcntl
 import json
+import random
 import signal
 import subprocess
 import time
 
-from program import COMMAND, environment, JsonProcess, Program
+from program import COMMAND, EndedError, environment, JsonProcess, Program
 import pytest
 from waiting import poll, wait_until
 
@@ -315,3 +316,31 @@ def test_a_signal_stops_the_robot_and_ends_it(listener):
         assert first_zero(listener, sent) - sent < 0.1
         wait_until(lambda: control.states[-1]['state'] == 'ended')
         assert control.states[-1]['reason'] == 'stopped by SIGINT'
+
+
+@pytest.mark.parametrize('seed', range(2))
+@pytest.mark.parametrize('ending', ['release', 'SIGINT'])
+def test_commands_that_come_while_it_ends_are_answered(listener, ending, seed):
+    """Until the process is gone, each command is executed or refused; no thread fails."""
+    chosen = random.Random(seed)
+    with remote() as control:
+        control.take()
+        control.ask('run', text=MOTION, name='ahead.yaml')
+        time.sleep(chosen.uniform(0.0, 0.3))
+        if ending == 'release':
+            control.send('release')
+        else:
+            control.process.send(signal.SIGINT)
+        with suppress(EndedError):
+            while True:
+                kind = chosen.choice(['speed', 'speed', 'pause', 'resume', 'run', 'stop'])
+                control.send(kind, **{
+                    'speed': {'factor': 0.5}, 'run': {'text': MOTION, 'name': 'ahead.yaml'},
+                }.get(kind, {}))
+                time.sleep(chosen.uniform(0.0, 0.01))
+        assert control.process.end() == (0 if ending == 'release' else 130)
+        refused = [line['text'] for line in control.lines
+                   if line['type'] == 'answer' and not line['is_done']]
+        assert ('stopped by SIGINT' if ending == 'SIGINT' else
+                'ended: nothing is driven any more') in refused
+        assert 'Traceback' not in control.process.text

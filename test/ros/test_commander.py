@@ -525,3 +525,29 @@ def test_two_speeds_that_differ_are_refused(tmp_path):
         assert started.end() == 2
     (line,) = started.text.splitlines()
     assert '--speed 50% and -p speed_factor:=0.7 differ: give one' in line
+
+
+def test_a_command_to_a_closed_node_is_refused(make):
+    node = make()
+    node.session.close()
+    for command in (node.pause, node.resume, partial(node.commander.set_speed, 0.5)):
+        with pytest.raises(MotionRefusedError, match='ended: nothing is driven any more'):
+            command()
+
+
+def test_a_command_to_a_node_that_is_being_destroyed_is_refused(make):
+    """The node is gone, and this thread has not seen yet that it was closed."""
+    node = make()
+    node.destroy_node()
+    node.session._is_closed, node.session._stopped_by = False, None
+    with pytest.raises(MotionRefusedError, match='ended: nothing is driven any more'):
+        node.commander.set_speed(0.5)
+
+
+def test_a_pause_after_the_guardians_stop_is_refused(make):
+    """It said 'paused', and nothing moves until the program is started again."""
+    node = make()
+    node.session._guardian.stopped_because = 'the node sent no heartbeat'
+    for command in (node.pause, partial(node.commander.set_speed, 0.5)):
+        with pytest.raises(ControlError, match='the guardian stopped the robot'):
+            command()
