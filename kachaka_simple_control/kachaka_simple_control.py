@@ -35,7 +35,7 @@ from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
-from kachaka_simple_control.control.timing import MAX_LATENESS, rate_problem
+from kachaka_simple_control.control.timing import DISCOVERY_TIMEOUT, MAX_LATENESS, rate_problem
 from kachaka_simple_control.errors import (
     MotionRefusedError,
     MotionRunningError,
@@ -43,6 +43,7 @@ from kachaka_simple_control.errors import (
     RobotMovedError,
     UsageError,
 )
+from kachaka_simple_control.files.robot_profile import ANY_TYPE
 from kachaka_simple_control.kachaka.bridge_process import OwnSimulation
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.limits import Limits
@@ -59,7 +60,7 @@ from kachaka_simple_control.ros.odometry import subscribe_to_odometry
 from kachaka_simple_control.ros.parameters import declare_parameters
 from kachaka_simple_control.ros.session import Session
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
-from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.ros.velocity_publisher import taken_type, VelocityPublisher
 from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.subscriber_process import EventFile
@@ -145,6 +146,8 @@ class KachakaSimpleControl(Node):
             self.profile, self.node_parameters.robot_namespace,
             self.node_parameters.manual_control)
         check_node_names(self, self.robot_names, INTROSPECTION_TOPICS, SERVICES)
+        if self.profile.message_type == ANY_TYPE:
+            self._take_type_of_robot()
         self.publisher = VelocityPublisher(
             self, self.robot_names.velocity, self.profile.message_type, self.profile.frame)
         self._introspection = IntrospectionPublishers(self, self.publisher, self.profile)
@@ -170,6 +173,16 @@ class KachakaSimpleControl(Node):
         self.commander = Commander(self, self.session, self.node_parameters.speed_factor)
         self._signal_handler = _SignalHandler(self)
         self._stop_on_every_exit()
+
+    def _take_type_of_robot(self) -> None:
+        # Here, not at the first movement: guardian, recording and topics are made for one type.
+        found = taken_type(
+            self, self.robot_names.velocity,
+            min(self.node_parameters.robot_timeout, DISCOVERY_TIMEOUT))
+        self.profile = replace(self.profile, message_type=found or 'Twist')
+        how = 'as its subscriber takes' if found else 'for nobody subscribes yet'
+        self.get_logger().info(
+            f'Sending {self.profile.message_type} on {self.robot_names.velocity}, {how}')
 
     def move_robot(self, linear_x: float, angular_z: float, duration: float) -> None:
         """

@@ -88,7 +88,8 @@ class Listener:
     def __init__(
             self, namespace: str = 'kachaka', serves: bool = True, grants: bool = True,
             delay: float = 0.0, reason: str = 'not today',
-            quality: QoSProfile = QUALITY) -> None:
+            quality: QoSProfile = QUALITY,
+            topic: tuple[str, type] = ('manual_control/cmd_vel', Twist)) -> None:
         """
         Make the node, which spins within the ``with`` block.
 
@@ -98,6 +99,7 @@ class Listener:
         :param delay: of its response [s]
         :param reason: its message when it fails
         :param quality: QoS of the subscription
+        :param topic: where it takes velocities, and of which type
         """
         self.received: list[SentVelocity] = []
         self.answered: list[tuple[float, bool]] = []
@@ -108,7 +110,7 @@ class Listener:
             'listener', namespace=namespace, context=self._context,
             start_parameter_services=False)
         self._subscription = self._node.create_subscription(
-            Twist, 'manual_control/cmd_vel', self._on_velocity, quality)
+            topic[1], topic[0], self._on_velocity, quality)
         if serves:
             self._node.create_service(SetBool, 'manual_control/set_enabled', self._answer)
         executor = InfoExecutor(context=self._context)
@@ -188,7 +190,8 @@ class Listener:
         """When manual control was released [s, system clock]."""
         return [at for at, enabled in self.answered if not enabled]
 
-    def _on_velocity(self, message: Twist, info: dict[str, int]) -> None:
+    def _on_velocity(self, message: Any, info: dict[str, int]) -> None:
+        message = getattr(message, 'twist', message)
         self.received.append(SentVelocity(
             info['source_timestamp'] / 1e9, message.linear.x, message.angular.z))
 

@@ -238,7 +238,8 @@ def _parser() -> OneLineParser:
     add = parser.add_argument
     add('motions', nargs='*', metavar='MOTION',
         help='a motion that comes with the package (see --list), or the path of a file')
-    add('--list', action='store_true', help='list the motions that come with the package')
+    add('--list', action='store_true',
+        help='list the motions and robots that come with the package')
     add('--plan', action='store_true',
         help='print what the motions will do, step by step; nothing moves, and no ROS is needed')
     add('--plot', metavar='FILE',

@@ -26,6 +26,7 @@ from kachaka_simple_control.commands.settings import (
 )
 from kachaka_simple_control.control.output import print_result
 from kachaka_simple_control.files.library import find, library
+from kachaka_simple_control.files.robot_profile import find_robot, robots
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.plan_plot import save_plot
@@ -58,9 +59,7 @@ def preview(options: Options) -> None:
 
 def _listing(options: Options) -> str:
     """
-    Return a text with the name, duration and description of each motion of the package.
-
-    Each motion has one line.
+    Return a text with a line for each motion of the package, and one for each robot.
 
     :param options: the options of the command, which select the robot and the rate of messages
     """
@@ -69,8 +68,13 @@ def _listing(options: Options) -> str:
         preview = plan_view(name, options)
         rows.append((name, f'{preview.plan.duration:.1f} s', find(name).motion.description))
     width = max(len(name) for name, _, _ in rows)
-    return '\n'.join(
-        f'{name:{width}}  {duration:>8}  {description}' for name, duration, description in rows)
+    lines = [f'{name:{width}}  {duration:>8}  {text}' for name, duration, text in rows]
+    lines += ['', 'Robots, for --robot:']
+    for name in robots():
+        limits = find_robot(name).limits
+        lines.append(f'{name:{width}}  {limits.max_linear_velocity:g} m/s, '
+                     f'{limits.max_angular_velocity:g} rad/s')
+    return '\n'.join(lines)
 
 
 def plan_view(name: str, options: Options) -> PlanView:

@@ -46,6 +46,9 @@ from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, Quantity, SIZE, TIME, VEER
 from kachaka_simple_control.text import quoted
 
+#: The message type of a robot that takes Twist or TwistStamped; the ROS graph tells which.
+ANY_TYPE = 'any'
+
 
 @dataclass(frozen=True)
 class RobotProfile:
@@ -64,13 +67,15 @@ class RobotProfile:
         infinite if there is no service or no such timeout
     :param command_timeout: how long the robot keeps a velocity if no new command arrives [s]
     :param limits: the largest velocities, accelerations and jerks
-    :param message_type: the type of velocity messages: Twist or TwistStamped of geometry_msgs
+    :param message_type: the type of velocity messages: Twist or TwistStamped of geometry_msgs, or
+        ANY_TYPE for the one that the robot takes
     :param frame: the frame in the header of a TwistStamped
     :param footprint: the outline of the robot, for plots; None if unknown
     :param calibration: the difference between the velocities that are sent and the velocities that
         odometry reports; None for no difference
     :param odometry_calibration: the difference between reported odometry and the true motion on
         the floor; None for no difference
+    :param odometry_required: whether a robot without a publisher of odometry is not driven
     """
 
     name: str
@@ -86,6 +91,7 @@ class RobotProfile:
     footprint: Footprint | None = None
     calibration: Calibration | None = None
     odometry_calibration: OdometryCalibration | None = None
+    odometry_required: bool = True
 
     @property
     def is_kachaka(self) -> bool:
@@ -183,8 +189,10 @@ SCHEMA = 'robots/robot.schema.json'
 MIN_COMMAND_TIMEOUT = 0.101
 #: The keys that a file must have, unless it extends another robot.
 REQUIRED = ('velocity_topic', 'command_timeout', 'limits')
-#: The keys whose values are texts and are stored unchanged in the fields of the same names.
-TEXTS = ('name', 'namespace', 'velocity_topic', 'odometry_topic', 'message_type', 'frame')
+#: The keys whose values are stored unchanged in the fields of the same names.
+UNCHANGED = (
+    'name', 'namespace', 'velocity_topic', 'odometry_topic', 'odometry_required', 'message_type',
+    'frame')
 #: The default values for a robot file that extends no other robot.
 PLAIN = RobotProfile(
     name='', namespace='/', velocity_topic='', odometry_topic=None, manual_control_service=None,
@@ -291,7 +299,7 @@ def _read(text: str, source: str) -> RobotProfile:
         if key in data}
     if document.problems or base is None:
         raise UnreadableFileError(*document.problems)
-    values.update({name: data[name] for name in TEXTS if name in data}, **numbers)
+    values.update({name: data[name] for name in UNCHANGED if name in data}, **numbers)
     if 'manual_control' in data:
         values['manual_control_service'] = (data['manual_control'] or {}).get('service')
         values['manual_control_timeout'] = timeout.get('timeout', math.inf)

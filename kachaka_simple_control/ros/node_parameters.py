@@ -54,7 +54,8 @@ class NodeParameters:
     """
 
     robot: str = _parameter(
-        KACHAKA.name, 'Which robot: kachaka, turtlebot3, generic, or the path of a profile')
+        KACHAKA.name,
+        'Which robot: kachaka, create3, turtlebot3, turtlesim, generic, or the path of a profile')
     robot_namespace: str = _parameter(
         KACHAKA.namespace,
         'ROS namespace of the robot; prefixes its topics and its service. By default that of its '

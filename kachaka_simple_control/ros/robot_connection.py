@@ -151,8 +151,9 @@ class RobotConnection:
         self.is_taken = True
         if self.odometry_topic is not None and self.odometry.age(time.monotonic()) is None:
             self.node.get_logger().warning(
-                f'No odometry has come on {self.odometry_topic} yet: until some does, a robot '
-                'that is lost is noticed only when its subscription goes, which may take 20 s')
+                f'No odometry has come on {self.odometry_topic} yet: until some does, no stop can '
+                'be confirmed, and a robot that is lost is noticed only when its subscription '
+                'goes, which may take 20 s')
 
     def _require_at_rest(self, check: Check) -> None:
         """

@@ -21,13 +21,18 @@ from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.timing import DISCOVERY_TIMEOUT, PUBLISHER_SEARCH_TIMEOUT
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError
+from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.ros.endpoints import incompatibility, own_participant, participants
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.names import RobotNames
-from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.ros.velocity_publisher import TYPES, VelocityPublisher
 from kachaka_simple_control.text import escaped
 from rclpy.node import Node
 
+#: How to drive a robot without odometry.
+WITHOUT_ODOMETRY = (
+    'for a robot without odometry write `odometry_topic: null`, and for one that may have none '
+    '`odometry_required: false`, in its profile (--robot FILE)')
 HINT = ('. Is its bridge running, in the same ROS_DOMAIN_ID? Compare the name with `ros2 topic '
         'list`. Without a robot, try `kachaka_simple_control --sim`')
 
@@ -47,12 +52,15 @@ class RobotDiscovery:
     :param guardian: the guardian, a separate process that stops the robot if this program cannot.
         Its publisher counts as a publisher of this program, and must discover the robot before a
         motion begins
+    :param profile: the description of the kind of robot
     """
 
     def __init__(
             self, node: Node, names: RobotNames, publisher: VelocityPublisher,
-            manual_control: ManualControlClient, guardian: Guardian | NullGuardian) -> None:
+            manual_control: ManualControlClient, guardian: Guardian | NullGuardian,
+            profile: RobotProfile) -> None:
         self._node = node
+        self._profile = profile
         self._publisher = publisher
         self._manual_control = manual_control
         self._guardian = guardian
@@ -232,8 +240,10 @@ class RobotDiscovery:
         if not self._manual_control.is_available:
             return (f'a subscriber is there, but not the service {self._service}; for a robot '
                     'without it, set the parameter manual_control to false')
-        if not self._manual_control.is_needed and self._odometry_topic and not robots:
-            return f'a subscriber is there, but nobody publishes {self._odometry_topic}'
+        if (not self._manual_control.is_needed and self._odometry_topic and not robots
+                and self._profile.odometry_required):
+            return (f'a subscriber is there, but nobody publishes {self._odometry_topic}; '
+                    f'{WITHOUT_ODOMETRY}')
         return ''
 
     def _subscriber_problem(self) -> str:
@@ -244,7 +254,10 @@ class RobotDiscovery:
         types = {info.topic_type for info in infos}
         same_type = [info for info in infos if info.topic_type.endswith('/' + own_type)]
         if types and not same_type:
-            return f'its subscriber takes {escaped(", ".join(sorted(types)))}, not {own_type}'
+            taken = ', '.join(sorted(types))
+            remedy = next((f': write `message_type: {name}` in the profile of the robot (--robot '
+                           'FILE)' for name in TYPES if taken.endswith(f'/{name}')), '')
+            return f'its subscriber takes {escaped(taken)}, not {own_type}{remedy}'
         # Read both QoS profiles from the graph: a publisher returns 0 s for an unset deadline.
         publishers = self._node.get_publishers_info_by_topic(topic)
         offered = [info.qos_profile

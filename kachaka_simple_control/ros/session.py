@@ -106,7 +106,7 @@ class Session:
         self._manual_control = ManualControlClient(
             node, names.manual_control, self._require_wanted, profile.manual_control_timeout)
         self._discovery = RobotDiscovery(
-            node, names, publisher, self._manual_control, self._guardian)
+            node, names, publisher, self._manual_control, self._guardian, profile)
         self._foreign = ForeignMessages(
             node, publisher,
             list if parameters.allow_other_publishers else self._discovery.other_publishers,

@@ -20,6 +20,7 @@ from typing import Any
 
 from geometry_msgs.msg import Twist, TwistStamped
 from kachaka_simple_control.control.sent_messages import SentMessages
+from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.ros.conversions import twist
@@ -30,6 +31,22 @@ from rclpy.serialization import serialize_message
 TYPES = {'Twist': Twist, 'TwistStamped': TwistStamped}
 #: Depth of the publisher's queue [messages]; the original lesson program uses the same depth.
 DEPTH = 10
+
+
+def taken_type(node: Node, topic: str, timeout: float) -> str | None:
+    """
+    Return which message type the subscribers of a velocity topic take: Twist if both are taken.
+
+    :param topic: the topic, before remapping
+    :param timeout: how long to wait for a subscriber [s]
+    :returns: a key of TYPES; None if nobody subscribes within the timeout, or to another type
+    """
+    def taken() -> set[str]:
+        return {info.topic_type.rpartition('/')[2] for info in (
+            node.get_subscriptions_info_by_topic(node.resolve_topic_name(topic)))}
+
+    wait_until(lambda: bool(taken()) or not node.context.ok(), timeout)
+    return next((name for name in TYPES if name in taken()), None)
 
 
 def is_zero(data: bytes) -> bool:

@@ -18,6 +18,7 @@ from __future__ import annotations
 from kachaka_simple_control.commands.cli import parse
 from kachaka_simple_control.commands.drive_or_preview import main
 from kachaka_simple_control.commands.preview import plan_view
+from kachaka_simple_control.files.robot_profile import robots
 from program import call
 import pytest
 
@@ -89,3 +90,10 @@ def test_bad_corners_of_a_file_are_refused_with_their_line(tmp_path, capsys):
     code, output, errors = call(main, [str(file), '--plan'], capsys)
     assert (code, output) == (2, '')
     assert errors.endswith(f"{file}:1: corners: '-5 cm'; it must not be negative\n")
+
+
+def test_the_list_names_each_robot_with_its_limits(capsys):
+    assert main(['--list']) == 0
+    text = capsys.readouterr().out
+    assert all(f'\n{name} ' in text for name in robots())
+    assert '0.306 m/s, 1.9 rad/s' in text

@@ -24,6 +24,7 @@ from golden import answers, compare
 from kachaka_simple_control.control.timing import MAX_LATENESS, MAX_RATE, rate_problem
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import (
+    ANY_TYPE,
     calibrated_text,
     find_robot,
     KACHAKA,
@@ -68,8 +69,8 @@ def test_a_file_to_which_nothing_can_be_added_is_refused(text, tmp_path):
         calibrated_text(str(file), Calibration())
 
 
-def test_the_package_knows_three_robots():
-    assert robots() == ['generic', 'kachaka', 'turtlebot3']
+def test_the_package_knows_five_robots():
+    assert robots() == ['create3', 'generic', 'kachaka', 'turtlebot3', 'turtlesim']
     assert [find_robot(name).name for name in robots()] == robots()
 
 
@@ -91,7 +92,8 @@ def test_other_robots_take_other_messages_and_need_no_manual_control():
     assert (turtlebot3.namespace, turtlebot3.velocity_topic) == ('/', 'cmd_vel')
     assert (turtlebot3.manual_control_service, turtlebot3.manual_control_timeout) == (
         None, math.inf)
-    assert find_robot('generic').message_type == 'Twist'
+    generic = find_robot('generic')
+    assert (generic.message_type, generic.odometry_required) == (ANY_TYPE, False)
 
 
 @pytest.mark.parametrize('name', [name for name in robots() if name != KACHAKA.name])
@@ -124,6 +126,7 @@ velocity_topic: base/cmd_vel
 message_type: TwistStamped
 frame: base
 odometry_topic: odom
+odometry_required: false
 manual_control: {service: enable, timeout: 1 min}
 command_timeout: 0.3
 limits:
@@ -140,7 +143,7 @@ footprint: {length: 40 cm, width: 300 mm, ahead: -5 cm}
 """) == RobotProfile(
         'own', '/a/b', 'base/cmd_vel', 'odom', 'enable', 60.0, 0.3,
         Limits(0.3, math.pi / 2, 0.5, math.pi, 2.0, 4 * math.pi, 1.0, 2 * math.pi, 0.1),
-        'TwistStamped', 'base', Box(0.4, 0.3, -0.05))
+        'TwistStamped', 'base', Box(0.4, 0.3, -0.05), odometry_required=False)
 
 
 @pytest.mark.parametrize('line', ['odometry_topic: null', 'manual_control: null', 'footprint: ~'])
@@ -262,8 +265,8 @@ def test_all_errors_of_a_robot_are_reported_at_once(robot):
 
 
 @pytest.mark.parametrize('name, words', [
-    ('kachka', "kachka: there is no robot of this name; did you mean 'kachaka'?  Known are gen"),
-    ('pr2', 'pr2: there is no robot of this name; known are generic, kachaka, turtlebot3; a file'),
+    ('kachka', "kachka: there is no robot of this name; did you mean 'kachaka'?  Known are cre"),
+    ('pr2', 'pr2: there is no robot of this name; known are create3, generic, kachaka, '),
     ('./kachaka.yaml', './kachaka.yaml: there is no such file'),
 ])
 def test_an_unknown_robot_is_refused(name, words, tmp_path, monkeypatch):

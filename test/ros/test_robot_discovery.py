@@ -20,8 +20,9 @@ from optional_libraries import MISSING, optional_imports
 from program import COMMAND, JsonProcess, program, QUICK_COMMAND
 import pytest
 
-Duration = DurabilityPolicy = LivelinessPolicy = MISSING
+Duration = DurabilityPolicy = LivelinessPolicy = Twist = TwistStamped = MISSING
 with optional_imports():
+    from geometry_msgs.msg import Twist, TwistStamped
     from listener import Listener
     from rclpy.duration import Duration
     from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
@@ -67,6 +68,60 @@ def test_a_subscriber_is_not_a_robot(tmp_path):
             assert started.end() == 3
         assert 'not the service /kachaka/manual_control/set_enabled' in started.text
         assert listener.received == []
+
+
+#: A robot of which only cmd_vel is there.
+PLAIN = {'namespace': '', 'serves': False}
+DRIVE = 'name: ahead\nsteps: [move: {linear_x: 0.1, angular_z: 0, duration: 0.5 s}]\n'
+
+
+def drive(folder, robot, *parameters):
+    """Return a command that drives a robot for half a second."""
+    (folder / 'ahead.yaml').write_text(DRIVE)
+    return [*COMMAND, str(folder / 'ahead.yaml'), '--robot', str(robot), '--ros-args',
+            *(word for one in ('prime_time:=0.2', *parameters) for word in ('-p', one))]
+
+
+@pytest.mark.parametrize('taken', ['Twist', 'TwistStamped'])
+def test_a_robot_of_which_only_cmd_vel_is_there_is_driven(tmp_path, taken):
+    types = {'Twist': Twist, 'TwistStamped': TwistStamped}
+    with Listener(**PLAIN, topic=('cmd_vel', types[taken])) as listener:
+        with program(drive(tmp_path, 'generic'), tmp_path) as started:
+            assert started.end() == 0
+        assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 5)]
+        assert not listener.received[-1].moves
+    assert f'Sending {taken} on /cmd_vel, as its subscriber takes' in started.text
+    assert started.text.count('no stop can be confirmed') == 1
+
+
+def test_the_turtle_of_turtlesim_is_driven_and_stopped(tmp_path):
+    """A node with its topic, type and queue; it keeps a velocity for 1 s, and has no odometry."""
+    quality = QoSProfile(depth=7)
+    with Listener('turtle1', serves=False, topic=('cmd_vel', Twist), quality=quality) as listener:
+        with program(drive(tmp_path, 'turtlesim'), tmp_path) as started:
+            assert started.end() == 0
+        zeros = [one.time for one in listener.received[-20:] if not one.moves]
+        assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 5)]
+    assert zeros[-1] - zeros[0] >= 0.5  # until the turtle would have stopped by itself
+
+
+def test_a_robot_whose_profile_names_odometry_is_not_driven_without(tmp_path):
+    profile = tmp_path / 'own.yaml'
+    profile.write_text('extends: generic\nmessage_type: Twist\nodometry_required: true\n')
+    with Listener(**PLAIN, topic=('cmd_vel', Twist)) as listener:
+        with program(drive(tmp_path, profile, 'robot_timeout:=2'), tmp_path) as started:
+            assert started.end() == 3
+        assert listener.received == []
+    assert 'nobody publishes /odom; for a robot without odometry write ' in started.text
+
+
+def test_a_profile_with_the_wrong_type_of_message_is_told_which_key(tmp_path):
+    profile = tmp_path / 'own.yaml'
+    profile.write_text('extends: generic\nmessage_type: Twist\n')
+    command = drive(tmp_path, profile, 'robot_timeout:=2')
+    with Listener(**PLAIN, topic=('cmd_vel', TwistStamped)), program(command, tmp_path) as started:
+        assert started.end() == 3
+    assert 'not Twist: write `message_type: TwistStamped` in the profile' in started.text
 
 
 def test_two_robots_under_one_name_are_refused(tmp_path):
