@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         RunFaultError,
         UsageError,
     )
+    from kachaka_simple_control.files.library import find
     from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
     from kachaka_simple_control.motion.geometry import Pose, Velocity
     from kachaka_simple_control.motion.limits import Limits
@@ -53,7 +54,7 @@ __all__ = [
     'Arc', 'ControlError', 'Forward', 'Goto', 'InvalidMotionError', 'KachakaSimpleControl',
     'Limits', 'Motion', 'MotionRefusedError', 'Move', 'Plan', 'Pose', 'Repeat',
     'RobotNotFoundError', 'RunFaultError', 'Settle', 'Step', 'Turn', 'UsageError', 'Velocity',
-    'Wait', 'Waypoints', 'plan',
+    'Wait', 'Waypoints', 'find', 'plan',
 ]
 
 #: The public names, by the module that defines them.  They are loaded at the first use, so that a
@@ -61,6 +62,7 @@ __all__ = [
 _NAMES = {
     'errors': ('ControlError', 'InvalidMotionError', 'MotionRefusedError', 'RobotNotFoundError',
                'RunFaultError', 'UsageError'),
+    'files.library': ('find',),
     'kachaka_simple_control': ('KachakaSimpleControl',),
     'motion.geometry': ('Pose', 'Velocity'),
     'motion.limits': ('Limits',),
@@ -85,4 +87,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, '__version__'})
+    return sorted([*__all__, '__version__'])

@@ -18,12 +18,13 @@
 from __future__ import annotations
 
 import atexit
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+import os
 import signal
 import sys
 import time
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 if __name__ == '__main__':
     # If this file is run directly, Python would import the file instead of the package.
@@ -48,7 +49,7 @@ from kachaka_simple_control.kachaka.bridge_process import OwnSimulation
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.motion.steps import Motion, Move, Step
 from kachaka_simple_control.motion.units import require_number
 from kachaka_simple_control.ros.commander import Commander
 from kachaka_simple_control.ros.dds_transport import start_on_this_machine, use_udp_transport
@@ -64,10 +65,13 @@ from kachaka_simple_control.ros.velocity_publisher import taken_type, VelocityPu
 from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.subscriber_process import EventFile
-from kachaka_simple_control.text import escaped, pluralize
+from kachaka_simple_control.text import escaped, pluralize, quoted
 import rclpy
 from rclpy.node import Node
 import rclpy.signals
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.files.motion_file import MotionFile
 
 NAME = 'kachaka_simple_control'
 #: The node's own services, in addition to the services of every node.
@@ -212,8 +216,9 @@ class KachakaSimpleControl(Node):
             f'Movement completed: Forward={linear_x}, Rotation={angular_z}, '
             f'Time={duration} seconds')
 
-    def run(self, motion: Motion, limits: Limits | None = None,
-            request: DriveRequest | None = None, rate: float | None = None) -> None:
+    def run(self, motion: Motion | Iterable[Step] | str | os.PathLike[str],
+            limits: Limits | None = None, request: DriveRequest | None = None,
+            rate: float | None = None) -> None:
         """
         Drive a motion with exact timing, and return after the zero velocity at its end.
 
@@ -225,22 +230,29 @@ class KachakaSimpleControl(Node):
         mode in which the robot follows velocities.  If no drive follows at once, more zero
         velocities are sent, to make sure that the robot stops.
 
-        :param motion: the motion
+        :param motion: the motion, a list of steps, the name of a motion of the package such as
+            ``square``, or the path of a motion file, whose limits and rate are then the defaults
         :param limits: the limits for the plan; None for the robot's limits
         :param request: the accepted request for this drive, if another thread has already called
             ``session.request``; None to request the drive now
         :param rate: how often a velocity is sent [Hz]; None for the parameter ``rate``
-        :raises UsageError: if ``motion`` is not a ``Motion``, ``limits`` are not ``Limits``, or
-            the rate is too low or too high for the robot; nothing has moved
+        :raises UsageError: if ``motion`` is none of these, ``limits`` are not ``Limits``, or the
+            rate is too low or too high for the robot; nothing has moved
         :raises InvalidMotionError: if the robot cannot drive the motion; nothing has moved
         :raises RobotNotFoundError: if no robot receives the velocities; nothing has moved
         :raises ControlError: if the motion could not be completed; the robot was stopped
         """
-        if not isinstance(motion, Motion):
+        if isinstance(motion, (str, os.PathLike)):
+            motion_file = self._find(motion)
+            motion, rate = motion_file.motion, motion_file.rate if rate is None else rate
+            limits = limits or motion_file.check(
+                self.profile.planning_limits, self.profile.name, self.node_parameters.closed_loop)
+        elif isinstance(motion, (list, tuple)):
+            motion = Motion(motion)
+        elif not isinstance(motion, Motion):
             raise UsageError(
-                f'run() drives a Motion, not {escaped(repr(motion), 60)}: make one by '
-                "Motion('name', steps), or take one of a file by find('square').motion, from "
-                'kachaka_simple_control.files.library')
+                f'run() drives a Motion, not {escaped(repr(motion), 60)}: write a list of steps, '
+                "as in run([Forward(0.5)]), or the name or path of a motion, as in run('square')")
         if not isinstance(limits, Limits | None):
             raise UsageError(
                 f'limits are {escaped(repr(limits), 60)}: they must be Limits, as in '
@@ -256,6 +268,26 @@ class KachakaSimpleControl(Node):
         self.get_logger().info(
             f'Motion completed: {escaped(motion.name)}, {pluralize(len(driven.steps), "step")}, '
             f'{driven.duration:.3f} seconds{self._delay(driven)}')
+
+    def _find(self, name_or_path: str | os.PathLike[str]) -> MotionFile:
+        """
+        Read a motion that this node may drive.
+
+        :raises MotionFileError: if there is no such motion, or it is made for another robot or
+            kind of control
+        """
+        # Imported here: the lesson needs no YAML.
+        from kachaka_simple_control.files.library import find
+        motion_file, used = find(name_or_path), self.node_parameters
+        if motion_file.robot not in (None, used.robot):
+            raise motion_file.error_at('robot', (
+                f'{quoted(str(motion_file.robot), 60)}, and this node drives {self.profile.name}: '
+                'leave it out, or set the parameter robot'))
+        if motion_file.closed_loop not in (None, used.closed_loop):
+            raise motion_file.error_at('closed_loop', (
+                f'{str(motion_file.closed_loop).lower()}, and the parameter closed_loop is '
+                f'{str(used.closed_loop).lower()}: leave it out, or set the parameter'))
+        return motion_file
 
     def stop_robot(self) -> None:
         """

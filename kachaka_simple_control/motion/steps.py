@@ -15,9 +15,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 import math
-from typing import ClassVar
+from typing import Any, ClassVar, overload
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion import units
@@ -46,6 +47,8 @@ MAX_TIMES = 1_000_000
 TIMES = Count(MAX_TIMES)
 #: The time for which a closed loop corrects the heading at the end of a motion [s].
 SETTLE_TIME = 1.5
+#: The name of a motion that was given none.
+UNNAMED = 'motion'
 #: The smallest radius of an arc [m], far below a radius that a robot can drive.
 MIN_RADIUS = 1e-6
 
@@ -332,10 +335,12 @@ class Repeat(Step):
         return replace(self, steps=tuple(step.with_stops() for step in self.steps))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Motion:
     """
-    A named sequence of steps that a robot drives one after the other; it cannot be changed.
+    A sequence of steps that a robot drives one after the other; it cannot be changed.
+
+    The steps may come first, and the name may be left out: ``Motion([Forward(0.5)])``.
 
     :param name: the name to show
     :param steps: the steps, in order; a list is converted to a tuple
@@ -346,16 +351,32 @@ class Motion:
 
     name: str
     steps: tuple[Step, ...]
-    description: str = ''
-    corners: float = 0.0
+    description: str
+    corners: float
 
-    def __post_init__(self) -> None:
+    @overload
+    def __init__(self, name: str, steps: Iterable[Step], description: str = '',
+                 corners: float = 0.0) -> None: ...
+
+    @overload
+    def __init__(self, steps: Iterable[Step], name: str = UNNAMED, description: str = '',
+                 corners: float = 0.0) -> None: ...
+
+    def __init__(self, *values: Any, **named: Any) -> None:
         """
-        Raise an error for a motion with an invalid value.
+        Make a motion, and raise an error for an invalid value.
 
         :raises InvalidMotionError: if the name or the description is not text, ``corners`` is no
             tolerance from 0 to 1 m, or an item of ``steps`` is not a step
         """
+        if values and not isinstance(values[0], str) and (
+                len(values) == 1 or isinstance(values[1], str)):
+            first, *rest = values
+            values = (rest.pop(0) if rest else named.pop('name', UNNAMED), first, *rest)
+        elif not values:
+            named.setdefault('name', UNNAMED)
+        for key, value in _motion(*values, **named).items():
+            object.__setattr__(self, key, value)
         for what, text in (('name', self.name), ('description', self.description)):
             if not isinstance(text, str):
                 raise InvalidMotionError(f'{text!r}; it must be text', name=what)
@@ -376,6 +397,12 @@ class Motion:
         if self.steps and self.steps[-1].settles:
             return self
         return replace(self, steps=(*self.steps, Settle(SETTLE_TIME)))
+
+
+def _motion(
+        name: str, steps: Iterable[Step], description: str = '',
+        corners: float = 0.0) -> dict[str, Any]:
+    return {'name': name, 'steps': steps, 'description': description, 'corners': corners}
 
 
 def _nesting(step: Step) -> int:

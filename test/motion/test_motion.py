@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.motion.steps import Forward, Motion, Move
 import pytest
 
 KACHAKA = Limits(0.3, 1.57)
@@ -56,3 +56,15 @@ def test_the_lesson_ends_ten_centimetres_ahead_after_nine_seconds():
     end = planned.path()[-1]
     assert planned.duration == 9.0
     assert (end.x, end.y, end.theta) == pytest.approx((0.1, 0.0, 0.0))
+
+
+def test_steps_may_come_first_and_the_name_may_be_left_out():
+    steps = [Forward(0.1)]
+    named = Motion('there', steps, 'why', 0.1)
+    assert Motion(steps, 'there', 'why', 0.1) == named == Motion(
+        corners=0.1, description='why', steps=steps, name='there')
+    assert Motion(steps) == Motion(steps=steps) == Motion('motion', steps)
+    with pytest.raises(TypeError, match='steps'):
+        Motion('there')
+    with pytest.raises(TypeError, match='name'):
+        Motion(steps, 'there', name='here')

@@ -42,10 +42,37 @@ with optional_imports():
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 
 
-@pytest.mark.parametrize('motion', ['square', [Forward(0.1)], None])
+@pytest.mark.parametrize('motion', [None, 5, Forward(0.1)])
 def test_what_is_no_motion_is_refused_with_what_to_do(make, motion):
-    with pytest.raises(UsageError, match=r"drives a Motion, not .*find\('square'\).motion"):
+    with pytest.raises(UsageError, match=r"drives a Motion, not .* as in run\('square'\)"):
         make().run(motion)
+
+
+@pytest.mark.needs('yaml', 'jsonschema')
+def test_a_name_a_path_and_a_list_of_steps_are_motions(listener, make, tmp_path):
+    node, file = make(), tmp_path / 'slow.yaml'
+    file.write_text(
+        'rate: 20 Hz\nlimits: {max_linear_velocity: 0.05 m/s}\nsteps: [forward: 3 cm]\n')
+    node.run([Move(0.1, 0.0, 0.2)])
+    assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 2)]
+    count = len(listener.received)
+    node.run(file)
+    driven = [velocity for velocity in listener.received[count:] if velocity.moves]
+    assert max(velocity.linear_x for velocity in driven) == 0.05
+    assert driven[1].time - driven[0].time == pytest.approx(0.05, abs=0.03)
+    with pytest.raises(InvalidMotionError, match='there is no motion of this name'):
+        node.run('sqare')
+
+
+@pytest.mark.needs('yaml', 'jsonschema')
+@pytest.mark.parametrize('line, text', [
+    ('robot: turtlebot3', "own.yaml:1: robot: 'turtlebot3', and this node drives kachaka: leave"),
+    ('closed_loop: true', 'own.yaml:1: closed_loop: true, and the parameter closed_loop is f')])
+def test_a_file_for_another_robot_or_control_is_refused(make, tmp_path, line, text):
+    (tmp_path / 'own.yaml').write_text(f'{line}\nsteps: [forward: 3 cm]\n')
+    with pytest.raises(InvalidMotionError) as caught:
+        make().run(tmp_path / 'own.yaml')
+    assert text in str(caught.value)
 
 
 @pytest.mark.parametrize('limits', ['slow', 0.1, {'max_linear_velocity': 0.1}])
