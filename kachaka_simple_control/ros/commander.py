@@ -163,7 +163,7 @@ class Commander:
         :returns: a text for the user that says what was done
         :raises ControlError: if no motion may start any more, so that there is none to pause
         """
-        self._session.require_not_ended()
+        self._session.require_not_stopped()
         if not self._factor.set(PAUSE, 0.0):
             return 'it was paused before'
         self._node.get_logger().info('Paused: resume to go on')
@@ -245,7 +245,7 @@ class Commander:
         :param factor: the new value, from 0.01 to 1; 1 means the planned speed
         :raises ControlError: if the value is out of range, or no motion may start any more
         """
-        self._session.require_not_ended()
+        self._session.require_not_stopped()
         try:
             result = self._node.set_parameters([Parameter(PARAMETER, value=factor)])[0]
         except rclpy_implementation.InvalidHandle:  # the node was destroyed just now

@@ -168,7 +168,7 @@ class Session:
         if self._stopped_by is not None:
             raise type(self._stopped_by)(
                 f'{self._stopped_by}: only a new node moves the robot again') from None
-        self._require_not_stopped()
+        self.require_not_stopped()
         if not elsewhere and self._executor.is_executor_thread():
             raise errors.MotionRefusedError(
                 'a motion cannot run in a callback of its own node: it would wait for callbacks '
@@ -273,7 +273,7 @@ class Session:
         """
         self._request, self._has_reported = request, False
         request.period = period
-        self._require_not_stopped()
+        self.require_not_stopped()
         self._connection.take(self._require_wanted)
         feedback = begin_feedback()
         # Only now: the pending stop of the previous movement must still be sent if the wait for
@@ -404,7 +404,7 @@ class Session:
             now, if somebody moved the robot during the pause
         :raises ControlError: if the motion may not continue
         """
-        self.require_not_ended()
+        self.require_not_stopped()
         if not self._requests.is_busy or not self._connection.is_taken:
             return
         self._monitor.check_resume()
@@ -413,15 +413,22 @@ class Session:
         else:
             self._monitor.pause_pose.require_not_moved()
 
-    def require_not_ended(self) -> None:
+    def require_not_stopped(self) -> None:
         """
-        Raise an error if this session drives no more, so that a command has nothing to act on.
+        Raise an error if nothing moves any more, so that a command has nothing to act on.
 
         :raises ControlError: what has stopped the robot for good; ENDED after ``close``
         """
-        if self._is_closed:
-            raise errors.MotionRefusedError(errors.ENDED)
-        self._require_not_stopped()
+        if self._stopped_by is not None:
+            raise self._stopped_by
+        if self._guardian.stopped_because is not None:
+            # The latch of the guardian blocks all motion of this program.
+            raise errors.RunFaultError(
+                'nothing moves until this program is started again, for the guardian stopped the '
+                f'robot: {self._guardian.stopped_because}')
+        if self._guardian.has_ended:
+            raise errors.RunFaultError(
+                'nothing moves until this program is started again, for its guardian has ended')
 
     def close(self) -> None:
         """
@@ -431,7 +438,7 @@ class Session:
         """
         with self._closing:
             if not self._is_closed:
-                self.stop_permanently(errors.MotionRefusedError('the node is closed'))
+                self.stop_permanently(errors.MotionRefusedError(errors.ENDED))
                 self.gate.close()
                 # The guardian's publisher must be gone as well before the robot is released.
                 self._guardian.shutdown()
@@ -456,7 +463,7 @@ class Session:
         # Do not serve them in this thread: if a signal interrupts rclpy while it creates a message
         # for a callback, a TypeError is raised, and the node's callbacks stay blocked.
         self._stopped.wait()
-        self._require_not_stopped()
+        self.require_not_stopped()
 
     def require_robot(self, participant: Callable[[], bytes | None]) -> None:
         """
@@ -575,21 +582,9 @@ class Session:
 
         :raises ControlError: the error that says who or what has stopped the drive
         """
-        self._require_not_stopped()
+        self.require_not_stopped()
         if self._request is not None and self._request.run.ended_by is not None:
             raise self._request.run.ended_by
-
-    def _require_not_stopped(self) -> None:
-        if self._stopped_by is not None:
-            raise self._stopped_by
-        if self._guardian.stopped_because is not None:
-            # The latch of the guardian blocks all motion of this program.
-            raise errors.RunFaultError(
-                'nothing moves until this program is started again, for the guardian stopped the '
-                f'robot: {self._guardian.stopped_because}')
-        if self._guardian.has_ended:
-            raise errors.RunFaultError(
-                'nothing moves until this program is started again, for its guardian has ended')
 
     def _on_foreign_message(self, sender: str) -> None:
         if self.gate.state is GateState.NOT_OPENED:

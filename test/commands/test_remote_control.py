@@ -34,6 +34,13 @@ PIPE = [*COMMAND, '--pipe', '--ros-args', '-p', 'guardian:=false', '-p', 'prime_
 F_SETPIPE_SZ = 1031
 FORWARD = {'linear_x': 0.2, 'angular_z': 0.0}
 REST = {'linear_x': 0.0, 'angular_z': 0.0}
+ENDINGS = {
+    'a motion is running already; wait for its end, or stop it',
+    'a stop came after the command',
+    'ended: nothing is driven any more',
+    'stopped by SIGINT',
+    'the robot is not taken: take it first',
+}
 MOTION = 'name: ahead\nrate: 20 Hz\nsteps: [move: {linear_x: 0.1, angular_z: 0, duration: 2 s}]\n'
 
 
@@ -341,6 +348,8 @@ def test_commands_that_come_while_it_ends_are_answered(listener, ending, seed):
         assert control.process.end() == (0 if ending == 'release' else 130)
         refused = [line['text'] for line in control.lines
                    if line['type'] == 'answer' and not line['is_done']]
-        assert ('stopped by SIGINT' if ending == 'SIGINT' else
-                'ended: nothing is driven any more') in refused
+        if ending == 'SIGINT':
+            assert 'stopped by SIGINT' in refused
+        # A release may take less time than the next command: then the process is gone first.
+        assert set(refused) <= ENDINGS, refused
         assert 'Traceback' not in control.process.text

@@ -416,7 +416,7 @@ def test_a_closed_node_moves_no_more(listener, make):
     node.move_robot(0.1, 0.0, 0.2)
     node.session.close()
     count = len(listener.received)
-    with pytest.raises(MotionRefusedError, match='closed'):
+    with pytest.raises(MotionRefusedError, match='ended: nothing is driven'):
         node.move_robot(0.1, 0.0, 0.2)
     node.stop_robot()
     time.sleep(0.2)
@@ -448,7 +448,7 @@ def test_without_a_signal_the_error_says_it_and_no_log_line(make, monkeypatch):
     monkeypatch.setattr(node.session, '_unconfirmed', lambda: 'the stop is unconfirmed')
     with pytest.raises(RunFaultError, match='unconfirmed'):
         node.session.stop('stop_robot()')
-    node.session.stop_permanently(MotionRefusedError('the node is closed'))
+    node.session.stop_permanently(MotionRefusedError('ended'))
     assert logged == []
 
 
