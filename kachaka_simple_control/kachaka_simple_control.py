@@ -156,11 +156,16 @@ class KachakaSimpleControl(Node):
             self, self.robot_names.velocity, self.profile.message_type, self.profile.frame)
         self._introspection = IntrospectionPublishers(self, self.publisher, self.profile)
         parameters, reader = self.node_parameters, None
-        if parameters.summary or parameters.odometry_timeout or parameters.closed_loop:
+        if (parameters.summary or parameters.odometry_timeout or parameters.closed_loop
+                or parameters.within):
             reader = subscribe_to_odometry(
                 self, self.robot_names, self._introspection.set_frame)
-            if parameters.closed_loop and reader is None:
-                raise UsageError('a closed loop needs odometry, and nav_msgs is not installed')
+            for what, is_wanted in (
+                    ('a closed loop', parameters.closed_loop), ('within', parameters.within)):
+                if is_wanted and reader is None:
+                    raise UsageError(f'{what} needs odometry, ' + (
+                        'and nav_msgs is not installed' if self.robot_names.odometry
+                        else f'and profile {self.profile.name} names none'))
         self.event_bus = EventBus(self.get_logger().warning)
         self.session = Session(
             self, self.publisher, self.profile, self.robot_names, self.node_parameters,

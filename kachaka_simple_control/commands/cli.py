@@ -27,6 +27,7 @@ import shlex
 import sys
 from typing import Any, NoReturn
 
+from kachaka_simple_control.control.end_check import EndTolerance
 from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
 from kachaka_simple_control.exit_codes import DONE, FAULTED, HELP, OneLineParser
 from kachaka_simple_control.kachaka.program import (
@@ -72,6 +73,7 @@ class Options:
     :param rate: the rate of velocity messages [Hz]; None if not given
     :param closed_loop: whether odometry corrects the velocities; None if not given
     :param corners: how far the robot may pass the corners between steps [m]; None if not given
+    :param within: how far from the plan the drive may end, as text; None if not given
     :param speed: the initial speed as a fraction of the planned speed, up to 1; None if not given
     :param list: whether to list the motions of the package
     :param plan: whether to print the plan of each motion
@@ -99,6 +101,7 @@ class Options:
     rate: float | None = None
     closed_loop: bool | None = None
     corners: float | None = None
+    within: str | None = None
     speed: float | None = None
     list: bool = False  # noqa: A003
     plan: bool = False
@@ -179,8 +182,8 @@ def _check_combination(parser: OneLineParser, options: Options) -> None:
     _check_motions(parser, options)
     if options.is_preview:
         for name in (
-                'report', 'repeat', 'sim', 'address', 'wait', 'quiet', 'speed', 'yes', 'pipe',
-                'console'):
+                'report', 'repeat', 'sim', 'address', 'wait', 'quiet', 'speed', 'within', 'yes',
+                'pipe', 'console'):
             if getattr(options, name) != getattr(Options, name):
                 parser.error(f'--{name} is about a drive; --list, --plan and --plot drive nothing')
 
@@ -260,6 +263,9 @@ def _parser() -> OneLineParser:
     add('--corners', type=tolerance, metavar='LENGTH',
         help='drive through corners without a stop, and pass each by this length at most, as in '
              '--corners 5cm; 0 stops at each (default: what the motion says, or 0)')
+    add('--within', type=_end_tolerance, metavar='TOLERANCE',
+        help='fail (exit code 1) if the robot ends farther from the plan by odometry, as in 2cm '
+             'or 2cm,3deg (default: a warning beyond 2 cm or 3 deg)')
     add('--pipe', action='store_true',
         help='for programs: take commands from standard input, and write reports to standard '
              'output, one JSON object a line')
@@ -334,6 +340,14 @@ def tolerance(text: str) -> float:
         return TOLERANCE.parse(text.strip())
     except UnitError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _end_tolerance(text: str) -> str:
+    try:
+        EndTolerance.parse(text)
+    except UnitError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    return text
 
 
 def _directory(text: str) -> str:

@@ -314,7 +314,7 @@ def _parameters(options: Options) -> list[Parameter]:
     # A calibration needs its rests, whatever a parameter file says.
     corners = 0.0 if options.calibrates else options.corners
     values = {'robot': options.robot, 'rate': options.rate, 'summary': summary,
-              'closed_loop': options.closed_loop, 'corners': corners,
+              'closed_loop': options.closed_loop, 'corners': corners, 'within': options.within,
               'speed_factor': chosen_speed(options)}
     return [Parameter(name, value=value) for name, value in values.items() if value is not None]
 

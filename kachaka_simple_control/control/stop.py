@@ -106,6 +106,8 @@ class StopController:
         self._later: threading.Timer | None = None
         #: when the newest stop began [s on the clock]; None before the first
         self.stop_started: float | None = None
+        #: called at the end of each complete stop
+        self.on_stopped: Callable[[], None] = lambda: None
 
     @property
     def is_stopped(self) -> bool:
@@ -151,6 +153,7 @@ class StopController:
             self._guardian.report_stopped()
             if is_still:
                 self._publish(StopConfirmed(self._clock()))
+            self.on_stopped()
         return None
 
     def stop_after_idle(self, run: Run, within: float) -> None:

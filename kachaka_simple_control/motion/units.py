@@ -251,6 +251,8 @@ LENGTH = Quantity('a length', _METRE, '0.5 m', SignRule.ANY, needs_unit=True)
 SIZE = Quantity('a size', _METRE, '0.4 m', needs_unit=True)
 TOLERANCE = Quantity(
     'a tolerance', _METRE, '5 cm', SignRule.NOT_NEGATIVE, largest=1.0, needs_unit=True)
+ANGLE_TOLERANCE = Quantity(
+    'an angle', _RADIAN, '3 deg', SignRule.NOT_NEGATIVE, largest=math.pi, needs_unit=True)
 ANGLE = Quantity('an angle', _RADIAN, '90 deg', SignRule.ANY, needs_unit=True)
 TIME = Quantity('a time', _SECOND, '2 s', SignRule.NOT_NEGATIVE)
 COMMAND_TIMEOUT = Quantity('a time above zero', _SECOND, '0.3 s')

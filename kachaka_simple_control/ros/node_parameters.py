@@ -91,6 +91,9 @@ class NodeParameters:
     corners: float = _parameter(
         0.0, 'How far a motion may pass its corners, to drive through them without a stop [m]; '
         '0: as the motion says', 0.0, 1.0, 'm')
+    within: str = _parameter(
+        '', 'How far from its plan a drive may end by odometry, as in 2cm or 2cm,3deg; farther is '
+        'a fault. Empty: a warning beyond 2 cm or 3 degrees')
     summary: bool = _parameter(
         False, 'Record what is sent and what odometry reports, for the table at the end')
 

@@ -21,11 +21,12 @@ import platform
 import time
 from typing import Any
 
+from kachaka_simple_control.control.end_check import EndTolerance
 from kachaka_simple_control.control.events import SessionStarted
 from kachaka_simple_control.control.timing import MAX_RATE, min_rate
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
-from kachaka_simple_control.motion.units import number_advice
+from kachaka_simple_control.motion.units import number_advice, UnitError
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.node_parameters import NodeParameters
 from kachaka_simple_control.text import escaped, quoted
@@ -60,6 +61,10 @@ def declare_parameters(
             node, parameter, defaults.get(parameter.name, parameter.default),
             ranges.get(parameter.name, parameter.metadata['range']))
         for parameter in others}
+    try:
+        EndTolerance.parse(values['within'] or '0 m')
+    except UnitError as error:
+        raise UsageError(f'parameter within is {error}') from None
     return profile, NodeParameters(robot=name, **values)
 
 
@@ -72,14 +77,18 @@ def _declare(
     if bounds:
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
-        # Users write rate:=20, and rclpy would refuse an integer for a double parameter.
-        descriptor.dynamic_typing = True
+    # Users write rate:=20, and rclpy would refuse an integer for a double parameter; nor would it
+    # say of within:=0.05 that a unit is missing.
+    is_text = parameter.name == 'within'
+    descriptor.dynamic_typing = bool(bounds) or is_text
     # The range is set after the check, because the text of rclpy's refusal has no unit.
     first = ParameterDescriptor(dynamic_typing=True) if bounds else descriptor
     try:
         value = node.declare_parameter(parameter.name, default, first).value
     except ParameterException as error:
         raise UsageError(escaped(error)) from None
+    if is_text:
+        return str(value)
     if bounds:
         value = _number(parameter, value, bounds)
         node.set_descriptor(parameter.name, descriptor)

@@ -25,6 +25,7 @@ import time
 from kachaka_simple_control import errors
 from kachaka_simple_control.control.drive_loop import DriveLoop, old_objects_frozen
 from kachaka_simple_control.control.drive_requests import DriveRequest, DriveRequests
+from kachaka_simple_control.control.end_check import describe_end, EndCheck, EndTolerance
 from kachaka_simple_control.control.events import (
     Event,
     MotionEnded,
@@ -39,7 +40,7 @@ from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.stop import StopController
 from kachaka_simple_control.control.tick_scheduler import TickScheduler, VelocitySource
-from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
+from kachaka_simple_control.control.velocity_gate import GateState, Run, VelocityGate
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.geometry import Pose, Velocity
@@ -116,6 +117,12 @@ class Session:
         self._stopper = StopController(
             self.gate, profile.command_timeout, self._guardian, self._is_still_moving,
             publish=publish)
+        self._stopper.on_stopped = self._check_end
+        self._end = EndCheck(profile.odometry_calibration)
+        #: how far from its plan a drive may end; None for a warning only
+        self._within = EndTolerance.parse(parameters.within) if parameters.within else None
+        #: why the end of the last drive is not within this
+        self._end_problem: str | None = None
         self._lease = LeaseRenewer(
             lambda: self._manual_control.request(True),
             profile.command_timeout)
@@ -242,13 +249,19 @@ class Session:
         """
         try:
             self._prepare(request, begin_feedback, period)
+            self._end.begin()
             with old_objects_frozen():
                 run = self.robot_drive.begin(
                     source, time.monotonic(), period, request.run,
                     self._monitor.pause_pose.newest)
                 self._loop.run([self.robot_drive])
             self._guardian.report_stopping()
-            self._stopper.stop_after_idle(run, within=period)
+            if (plan := self.robot_drive.progress.plan) is not None:
+                self._end.on_complete(plan.pose)
+            if plan is not None and self._within is not None:
+                self._require_end(run)
+            else:
+                self._stopper.stop_after_idle(run, within=period)
         except BaseException as error:
             # KeyboardInterrupt and SystemExit as well: the robot must stop in every case.
             ended = self._end_early(error)
@@ -393,6 +406,7 @@ class Session:
         if self._feedback is not None and is_new:
             self._feedback.on_odometry(now, pose, is_moving=self.odometry.is_moving(now))
         self._monitor.pause_pose.on_odometry(now, pose, velocity)
+        self._end.on_odometry(pose)
 
     def check_resume(self, even_if_moved: bool) -> None:
         """
@@ -537,6 +551,30 @@ class Session:
             self._require_wanted)
         self._feedback.begin(plan, limits)
         return self._feedback
+
+    def _require_end(self, run: Run) -> None:
+        """
+        Stop the robot, and require that it rests as near to the planned end as ``within`` says.
+
+        :raises RunFaultError: if it does not, or odometry does not show that it rests
+        """
+        self._end_problem = (
+            'the end cannot be compared with the plan, for odometry does not show the robot at '
+            'rest; leave out within, or see that odometry arrives')
+        failure = self._stopper.stop(None, only=run) or self._end_problem
+        if failure is not None:
+            raise errors.RunFaultError(failure)
+
+    def _check_end(self) -> None:
+        """Warn if the robot, which was stopped just now, rests far from the planned end."""
+        error = self._end.at_rest()
+        if error is None or not self.odometry.is_still(time.monotonic()):
+            return
+        self._end_problem = describe_end(error, self._within or EndTolerance())
+        if self._end_problem is not None and self._within is None:
+            self._node.get_logger().warning(
+                f'{self._end_problem}; --report shows where it left the plan, and --within lets '
+                'such a drive fail')
 
     def _is_still_moving(self) -> bool:
         """

@@ -79,7 +79,8 @@ REFUSED = (
     '--speed 12,5', '--speed 12,5%',
     '--corners', '--corners=-5cm', '--corners -5cm', '--corners 5', '--corners 2m',
     '--corners 100000km', '--corners nan', '--corners=-inf', '--corners 1e999m', '--corners 5%',
-    '--corners 0,5m', '--corners=', '--cornres 5cm',
+    '--corners 0,5m', '--corners=', '--cornres 5cm', '--within 2', '--within 2cm,', '--within',
+    '--plan --within 2cm',
 )
 
 

@@ -34,10 +34,12 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Move
 from optional_libraries import optional_imports
 import pytest
+from waiting import wait_until
 
 with optional_imports():
     from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
     from rclpy.executors import SingleThreadedExecutor
+    from topic_observer import ODOMETRY
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 
@@ -450,6 +452,44 @@ def test_without_a_signal_the_error_says_it_and_no_log_line(make, monkeypatch):
         node.session.stop('stop_robot()')
     node.session.stop_permanently(MotionRefusedError('ended'))
     assert logged == []
+
+
+OFF_PLAN = pytest.mark.parametrize('step, text', [
+    (Forward(0.06), '6.0 cm and 0.0 deg'), (Move(0.0, 0.5, 0.4), '0.0 cm and 11.5 deg')])
+
+
+@pytest.mark.needs('nav_msgs')
+@OFF_PLAN
+def test_a_robot_that_ends_off_its_plan_is_said_to(listener, observer, make, capfd, step, text):
+    observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')  # as if it stood still
+    node = make()
+    assert wait_until(lambda: node.session.pose is not None)
+    node.run([step])
+    node.stop_robot()
+    assert capfd.readouterr().err.count(
+        f'the robot came to rest {text} from the planned end, by odometry, more than 2 cm or 3 '
+        'deg; ') == 1
+
+
+@pytest.mark.needs('nav_msgs')
+@OFF_PLAN
+def test_within_lets_such_a_drive_fail(listener, observer, make, step, text):
+    observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')
+    node = make(within='5cm,4deg')
+    assert wait_until(lambda: node.session.pose is not None)
+    with pytest.raises(RunFaultError, match=f'{text} from .*, more than 5 cm or 4 deg$'):
+        node.run([step])
+    assert node.session.robot_drive.progress.ended_by is not None
+    node.run([Forward(0.04)])  # within 5 cm
+    node.move_robot(0.0, 0.0, 0.2)
+
+
+def test_within_needs_odometry(listener, make):
+    node = make(within='2cm')
+    with pytest.raises(RunFaultError, match='for odometry does not show the robot at rest'):
+        node.move_robot(0.1, 0.0, 0.2)
+    with pytest.raises(UsageError, match='profile turtlesim names none'):
+        make(robot='turtlesim', within='2cm')
 
 
 @pytest.mark.parametrize('velocity', [(0.31, 0.0), (-0.31, 0.0), (0.0, 1.6)])
