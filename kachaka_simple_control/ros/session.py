@@ -312,8 +312,9 @@ class Session:
             robot; otherwise ``error``
         """
         self._connection.is_taken = False
-        # A failure of this stop is not logged, because the error of the drive is raised.
-        self._stopper.stop(errors.control_error(error))
+        if (failure := self._stopper.stop(errors.control_error(error))) is not None:
+            # The error of the drive is raised, and says nothing of it.
+            self._log_once(failure)
         if isinstance(error, errors.PauseTimeoutError):
             self._connection.release()
         if self._guardian.stopped_because is not None:

@@ -444,6 +444,23 @@ def test_after_a_signal_a_stop_that_failed_is_logged_whoever_notices_first(
         node.move_robot(0.1, 0.0, 0.2)
 
 
+def test_a_stop_that_failed_is_logged_beside_the_error_of_the_drive(
+        listener, make, monkeypatch, capfd):
+    node = make()
+
+    def fail(*_):
+        monkeypatch.setattr(node.session.gate, 'send_zero', gone)
+        raise RunFaultError('a fault in mid-motion')
+
+    def gone(_):
+        raise OSError('publisher gone')
+    with monkeypatch.context() as context, pytest.raises(RunFaultError, match='a fault in mid'):
+        context.setattr(node.session._loop, 'run', fail)
+        node.move_robot(0.1, 0.0, 0.2)
+    monkeypatch.undo()
+    assert capfd.readouterr().err.count('the stop could not be sent: publisher gone') == 1
+
+
 def test_without_a_signal_the_error_says_it_and_no_log_line(make, monkeypatch):
     node, logged = make(), []
     monkeypatch.setattr(node, 'get_logger', lambda: SimpleNamespace(error=logged.append))
