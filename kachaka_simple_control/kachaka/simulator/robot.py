@@ -376,7 +376,7 @@ class SimulatedKachaka:
                 self._is_docked = False
                 self._tasks.prepend(drive_straight(
                     self._parameters.undock_distance, self._parameters.undock_velocity))
-            answer = self._tasks.step(*self._drive.state_at(now), now)
+            answer = self._tasks.step(*self._drive.reported_at(now), now)
             if not isinstance(answer, TaskResult):
                 velocity, self._until[TimedState.TASK] = answer
                 self._drive.set_target(velocity, now)

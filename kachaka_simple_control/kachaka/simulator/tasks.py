@@ -174,7 +174,7 @@ class ActionController:
         """
         Compute the next velocity of the action, or detect that the action has ended.
 
-        :param pose: the current pose
+        :param pose: the current pose, which odometry reports
         :param velocity: the current velocity
         :param now: the current time [s]
         :returns: the next velocity and the time of the next step [s].  If the action has ended, a
@@ -325,7 +325,7 @@ class TaskQueue:
 
         If the current task has ended, the next task in the queue becomes the current task.
 
-        :param pose: the current pose
+        :param pose: the current pose, which odometry reports
         :param velocity: the current velocity
         :param now: the current time [s]
         :returns: the next velocity and the time of the next step [s].  If the task has ended, its

@@ -125,6 +125,18 @@ def test_a_pose_is_reached_from_anywhere(x, y, theta):
     assert math.remainder(pose.theta - theta, math.tau) == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.parametrize('error', [
+    {'odometry_scale': 0.95}, {'wheel_ratio': 1.02}, {'track_ratio': 1.1}])
+def test_with_wrong_odometry_it_arrives_by_odometry(error):
+    """As a goal is given in its frame; the robot knows no other."""
+    robot = SimulatedKachaka(parameters=SimulationParameters(**error))
+    send(robot, *plan_to_pose(Pose(0.5, 0.4, 2.0)))
+    pose, _ = robot.odometry(60.0)
+    assert results(robot, 60.0) == [('task', SUCCESS)]
+    assert (pose.x, pose.y, pose.theta) == pytest.approx((0.5, 0.4, 2.0), abs=2e-4)
+    assert robot.state(60.0)[0] != pose
+
+
 def test_queries_change_nothing():
     """To the last bit, also with noise."""
     parameters = SimulationParameters(lag=0.1, velocity_noise=0.02, linear_gain=1.05)
