@@ -49,10 +49,10 @@ class HandSource:
     come before any other velocity is accepted: whoever has lost control has to release the stick
     first.
 
-    A zero is sent at once.  All other changes of the velocity keep the limits of acceleration and
-    deceleration, for the linear and the angular part separately.
+    A zero is sent at once.  All other changes of the velocity keep the limits of acceleration,
+    deceleration and jerk, for the linear and the angular part separately.
 
-    :param limits: the limits of velocity and acceleration
+    :param limits: the limits of velocity, acceleration and jerk
     :param on_change: a function that is called when a velocity must be sent at once
     :param clock: the clock of the stamps [s]; it must also count while the machine is suspended
     """
@@ -70,7 +70,7 @@ class HandSource:
         self._lock = threading.Lock()
         self._issued = self._newest_stamp = -math.inf
         self._sequence = -1
-        self._wanted = ZERO
+        self._wanted = self._acceleration = ZERO
         #: whether a zero must come before any other velocity
         self._needs_neutral = True
         self._is_over = False
@@ -161,29 +161,50 @@ class HandSource:
         :param factor: the speed relative to the wanted velocity, from 0 to 1
         """
         if self._wanted.is_zero:
+            self._acceleration = ZERO
             return ZERO
         before, duration = (ZERO, HAND_PERIOD) if self._tick is None else (
             self._tick.velocity, min(elapsed - self._tick.start, HAND_PERIOD))
-        limits = self._limits
-        return Velocity(
-            _ramped(before.linear_x, self._wanted.linear_x * factor,
-                    limits.max_linear_acceleration * duration,
-                    limits.linear_deceleration * duration),
-            _ramped(before.angular_z, self._wanted.angular_z * factor,
-                    limits.max_angular_acceleration * duration,
-                    limits.angular_deceleration * duration))
+        if duration <= 0.0:
+            return before
+        limits, rate = self._limits, self._acceleration
+        velocity = Velocity(
+            _ramped(before.linear_x, self._wanted.linear_x * factor, rate.linear_x, duration, (
+                limits.max_linear_acceleration, limits.linear_deceleration,
+                limits.max_linear_jerk, limits.max_linear_velocity)),
+            _ramped(before.angular_z, self._wanted.angular_z * factor, rate.angular_z, duration, (
+                limits.max_angular_acceleration, limits.angular_deceleration,
+                limits.max_angular_jerk, limits.max_angular_velocity)))
+        self._acceleration = Velocity(
+            (velocity.linear_x - before.linear_x) / duration,
+            (velocity.angular_z - before.angular_z) / duration)
+        return velocity
 
 
-def _ramped(before: float, wanted: float, up: float, down: float) -> float:
+def _ramped(
+        before: float, wanted: float, rate: float, duration: float,
+        limits: tuple[float, float, float, float]) -> float:
     """
     Return the value that is closest to the wanted value, and not too far from the value before.
 
     :param before: the value before
     :param wanted: the wanted value
-    :param up: the largest allowed change away from zero
-    :param down: the largest allowed change towards zero
+    :param rate: the rate of change that led to the value before
+    :param duration: the time since the value before [s]
+    :param limits: the largest rate away from zero, the largest rate towards zero, the largest
+        change of the rate per second, and the largest value
     """
+    away, towards, jerk, largest = limits
     if before * wanted < 0.0:  # first to zero
         wanted = 0.0
-    change = up if abs(wanted) > abs(before) else down
-    return min(max(wanted, before - change), before + change)
+    way, sign = abs(wanted - before), math.copysign(1.0, wanted - before)
+    most = min(way / duration, away if abs(wanted) > abs(before) else towards)
+    change = jerk * duration
+    if math.isfinite(change):
+        # The largest rate from which steps of this change lead to a rate of 0 at the wanted value:
+        # the rate and the ``count`` smaller ones after it, over this duration each, are the way.
+        count = math.floor(math.sqrt(0.25 + 2.0 * way / (change * duration)) - 0.5)
+        most = min(most, way / duration / (count + 1) + change * count / 2.0)
+        most = min(max(most, sign * rate - change), sign * rate + change)
+    value = before + sign * most * duration
+    return 0.0 if value * before < 0.0 else min(max(value, -largest), largest)

@@ -14,6 +14,7 @@
 """Velocities by hand: the lease, a zero first after a lapse, and changes within the limits."""
 
 import contextlib
+from dataclasses import astuple
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -24,7 +25,9 @@ from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 import pytest
 
-LIMITS = Limits(0.3, 1.5, 0.5, 2.5, max_linear_deceleration=0.8, max_angular_deceleration=4.0)
+LIMITS = Limits(
+    0.3, 1.5, 0.5, 2.5, max_linear_deceleration=0.8, max_angular_deceleration=4.0,
+    max_linear_jerk=2.0, max_angular_jerk=10.0)
 FORWARD = Velocity(0.2, 0.5)
 
 
@@ -203,14 +206,30 @@ def test_all_changes_but_a_zero_keep_the_limits(wishes):
     hand.want(ZERO)
     for linear, angular, count, factor in wishes:
         hand.hold(Velocity(linear, angular), 0.05 * count, factor)
-    before = (0.0, ZERO)
-    for at, velocity in hand.sent:
+    before, rates = ZERO, [{0.0}, {0.0}]
+    for _, velocity in hand.sent:
         LIMITS.check(velocity)
-        if not velocity.is_zero:
-            period = HAND_PERIOD + 1e-9
-            for old, new, up, down in (
-                    (before[1].linear_x, velocity.linear_x, 0.5, 0.8),
-                    (before[1].angular_z, velocity.angular_z, 2.5, 4.0)):
-                assert old * new >= 0.0
-                assert abs(new - old) <= (up if abs(new) > abs(old) else down) * period
-        before = at, velocity
+        for axis, (up, down, jerk) in enumerate(((0.5, 0.8, 2.0), (2.5, 4.0, 10.0))):
+            old, new = astuple(before)[axis], astuple(velocity)[axis]
+            assert old * new >= 0.0
+            rate = (new - old) / HAND_PERIOD
+            if velocity.is_zero:  # at once, or on its way through zero
+                rates[axis] = {0.0, rate}
+                continue
+            assert abs(rate) <= (up if abs(new) > abs(old) else down) + 1e-9
+            assert min(abs(rate - one) for one in rates[axis]) <= jerk * HAND_PERIOD + 1e-9
+            rates[axis] = {rate}
+        before = velocity
+
+
+@given(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.integers(1, 12))
+def test_a_wish_is_reached_without_passing_it(first, second, count):
+    hand = Hand()
+    hand.want(ZERO)
+    for linear, wishes in ((first, count), (second, 40)):
+        hand.hold(Velocity(linear, 0.0), 0.05 * wishes)
+    assert hand.sent[-1][1].linear_x == pytest.approx(second, abs=1e-12)
+    if count == 12 or first * second <= 0.0:
+        values = [velocity.linear_x for _, velocity in hand.sent]
+        assert min(0.0, first, second) - 1e-9 <= min(values)
+        assert max(values) <= max(0.0, first, second) + 1e-9
