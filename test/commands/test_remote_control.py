@@ -182,7 +182,7 @@ def test_a_motion_is_driven_exactly_and_then_the_hand_again(listener):
         assert control.states[-1]['state'] == 'ready'
         assert {'driving', 'ready'} <= {state['state'] for state in control.states}
         control.hand(REST, 0.1)
-        control.hand(FORWARD, 0.3)
+        control.hand(FORWARD, 0.6)
         assert max(sent.linear_x for sent in listener.received) > 0.1
         control.ask('release')
 

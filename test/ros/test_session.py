@@ -454,8 +454,8 @@ def test_a_stop_that_failed_is_logged_beside_the_error_of_the_drive(
 
     def gone(_):
         raise OSError('publisher gone')
-    with monkeypatch.context() as context, pytest.raises(RunFaultError, match='a fault in mid'):
-        context.setattr(node.session._loop, 'run', fail)
+    monkeypatch.setattr(node.session._loop, 'run', fail)
+    with pytest.raises(RunFaultError, match='a fault in mid-motion'):
         node.move_robot(0.1, 0.0, 0.2)
     monkeypatch.undo()
     assert capfd.readouterr().err.count('the stop could not be sent: publisher gone') == 1
