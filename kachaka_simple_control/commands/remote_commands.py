@@ -21,6 +21,7 @@ Commands are read from one pipe, and reports are written to another.  Each line 
 from __future__ import annotations
 
 from collections.abc import Callable
+import contextlib
 from dataclasses import replace
 import math
 import os
@@ -154,6 +155,10 @@ class RemoteCommands:
             text = self._session.stop('a remote stop')
         except ControlError as error:
             is_done, text = False, str(error)
+        # Whoever drives next begins as after the start, and not paused or slowed down by others.
+        if not self._session.is_driving:
+            with contextlib.suppress(ControlError):  # it was stopped for good
+                self._commander.begin_anew()
         now = time.monotonic()
         is_confirmed = None if odometry.age(now) is None else (
             odometry.still_since(now) is not None)

@@ -26,7 +26,7 @@ from typing import Protocol
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
-from kachaka_simple_control.control.speed_factor import MOVED, SpeedFactor
+from kachaka_simple_control.control.speed_factor import MOVED, OVERRIDE, SpeedFactor
 from kachaka_simple_control.control.standstill import PausePose, StandstillDetector
 from kachaka_simple_control.control.tick_scheduler import Tick
 from kachaka_simple_control.control.timing import (
@@ -255,6 +255,7 @@ class RunMonitor:
         #: the steady clock [s]
         self.clock: Callable[[], float] = lambda: time.monotonic()  # noqa: PLW0108
         self._feedback: PoseFeedback | None = None
+        self._has_plan = True
         #: since when a speed factor of 0 has held the robot at rest [s]; None if it is not held
         self._held_since: float | None = None
         #: until when the robot stays at rest, according to the newest velocity [s]
@@ -281,7 +282,9 @@ class RunMonitor:
             self._is_released = False
             return 0.0
         is_held = self._held_since is not None and not self._is_released
-        return 0.0 if is_held else self._speed_factor.value
+        if is_held:
+            return 0.0
+        return self._speed_factor.value if self._has_plan else self._speed_factor.without(OVERRIDE)
 
     def correct(self, tick: Tick, now: float) -> Velocity:
         """
@@ -310,7 +313,8 @@ class RunMonitor:
         self.pause_pose.on_sent(is_held)
         self._rest_end = self.clock() + rest if rest else float('-inf')
 
-    def begin(self, feedback: PoseFeedback | None, period: float) -> None:
+    def begin(
+            self, feedback: PoseFeedback | None, period: float, has_plan: bool = True) -> None:
         """
         Prepare the monitor for a new run, which is one drive of the robot.
 
@@ -319,8 +323,10 @@ class RunMonitor:
         :param feedback: the closed loop, which corrects the velocities of the new run with
             odometry; None to send the velocities as planned
         :param period: the time between two velocities of the run [s]
+        :param has_plan: whether a plan is driven, to which the speed of a person is relative; the
+            hand chooses its own speed
         """
-        self._feedback = feedback
+        self._feedback, self._has_plan = feedback, has_plan
         if self._lease is not None:
             self._lease.begin(period)
         self._checked = self.clock()

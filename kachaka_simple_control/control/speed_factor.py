@@ -77,6 +77,10 @@ class SpeedFactor:
         self._expire()
         return self._value
 
+    def without(self, name: str) -> float:
+        """Return the product of all factors but that of one source."""
+        return product({other: factor for other, factor in self.factors.items() if other != name})
+
     def set(  # noqa: A003
             self, name: str, factor: float, valid_for: float | None = None) -> bool:
         """

@@ -67,6 +67,7 @@ class Commander:
         self._node = node
         self._session = session
         self._factor = session.speed_factor
+        self._initial_factor = factor
         self._confirmation = ResumeConfirmation()
         #: the stop requests; a start or resume request at the same time is refused
         self.stop_requests = StopRequests()
@@ -252,6 +253,12 @@ class Commander:
             raise MotionRefusedError(ENDED) from None
         if not result.successful:
             raise MotionRefusedError(result.reason)
+
+    def begin_anew(self) -> None:
+        """End any pause, and set the speed to that at the start of the node."""
+        for name in (PAUSE, MOVED):
+            self._factor.set(name, 1.0)
+        self.set_speed(self._initial_factor)
 
     async def _on_stop(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -292,12 +292,13 @@ class Session:
         # Only now: the pending stop of the previous movement must still be sent if the wait for
         # the robot is long.
         self._stopper.cancel_pending()
-        self._monitor.begin(feedback, period)
+        has_plan = self.robot_drive.progress.plan is not None
+        self._monitor.begin(feedback, period, has_plan)
         if self.speed_factor.is_hold:
             self._node.get_logger().warning(
                 f'The motion is held at its start ({self.speed_factor.describe()}): resume to '
                 'go on')
-        elif self.speed_factor.value < 1.0:
+        elif has_plan and self.speed_factor.value < 1.0:
             self._node.get_logger().info(
                 f'Slower than planned: {self.speed_factor.describe()}')
 

@@ -187,6 +187,28 @@ def test_a_motion_is_driven_exactly_and_then_the_hand_again(listener):
         control.ask('release')
 
 
+def test_the_speed_of_motions_is_not_that_of_the_hand(listener):
+    with remote() as control:
+        control.take()
+        control.ask('speed', factor=0.5)
+        control.hand(FORWARD, 1.5)
+        assert listener.received[-1].linear_x == 0.2
+        control.hand(REST, 0.1)
+        control.ask('release')
+
+
+def test_after_a_stop_a_motion_is_neither_paused_nor_slowed_down_by_what_was_before(listener):
+    with remote('-p', 'speed_factor:=0.8') as control:
+        control.take()
+        control.ask('speed', factor=0.5)
+        for kind in ('pause', 'stop', 'take'):
+            assert control.ask(kind)['is_done']
+        wait_until(lambda: control.states[-1]['factors'] == {'override': 0.8})
+        assert control.ask('run', text=MOTION, name='ahead.yaml')['is_done']
+        wait_until(lambda: control.states[-1]['state'] == 'driving')
+        control.ask('release')
+
+
 def test_a_motion_is_paused_when_nobody_could_stop_it(listener):
     with remote() as control:
         control.take()

@@ -410,6 +410,17 @@ def test_errors_are_at_their_lines(page):
     assert page.find('#text').get_attribute('aria-invalid') is None
 
 
+def test_a_draft_outlives_a_reload(page):
+    text = 'name: mine\nsteps:\n  - forward: 1 m\n  - forward: 2 m\n'
+    type_text(page, text)
+    page.run('document.querySelector("#file").value = "mine.yaml"')
+    page.driver.refresh()
+    page.wait(lambda: page.text('#plan-steps') == '2', 'the plan of the draft')
+    assert page.run('return document.querySelector("#text").value') == text
+    assert page.run('return document.querySelector("#file").value') == 'mine.yaml'
+    assert page.text('#motion-source') == 'edited, not saved'
+
+
 def test_text_from_outside_stays_text(page):
     type_text(page, f'name: mine\nsteps:\n  - {MARKUP}: 1 m\n')
     page.wait(lambda: MARKUP in page.text('#problems'), 'the error')

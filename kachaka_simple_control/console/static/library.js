@@ -4,6 +4,8 @@
 import {byId, create, offerDownload, setStatus, setText} from './dom.js';
 
 const FILE_NAME = /^[A-Za-z0-9_.-]+\.yaml$/;
+/** The key of what a tab keeps over a reload. */
+const KEPT = 'drafts';
 
 /** The list of motions and the file buttons. */
 export class Library {
@@ -31,6 +33,7 @@ export class Library {
     byId('download').addEventListener('click', () => this.download());
     editor.addEventListener('edit', () => this.noteEdit());
     connection.addEventListener('motions', event => this.show(event.detail.motions));
+    addEventListener('pagehide', () => this.keep());
   }
 
   /** Show what the server told at the beginning. */
@@ -40,10 +43,33 @@ export class Library {
     this.note = folder === null ? 'To save files, start the console with --folder.' : '';
     setStatus(this.result, this.note, 'idle');
     this.show(motions);
-    if (this.chosen === '' && this.editor.text === '' && motions.length > 0) {
+    if (this.chosen !== '' || this.editor.text !== '' || this.restore()) return;
+    if (motions.length > 0) {
       const first = motions.find(motion => motion.name === 'square') ?? motions[0];
       this.open(first.name);
     }
+  }
+
+  /** Keep what was edited for this tab, so that a reload loses nothing. */
+  keep() {
+    if (this.isEdited) this.drafts.set(this.chosen, this.editor.text);
+    const {chosen, file, drafts} = this;
+    try {
+      sessionStorage.setItem(
+        KEPT, JSON.stringify({chosen, file: file.value, drafts: [...drafts]}));
+    } catch {
+      // The browser keeps nothing, or the texts are too long for it: a reload loses them.
+    }
+  }
+
+  /** Show what this tab has kept; return whether there was something. */
+  restore() {
+    const kept = JSON.parse(sessionStorage.getItem(KEPT) ?? 'null');
+    if (kept === null) return false;
+    this.drafts = new Map(kept.drafts);
+    this.open(kept.chosen);
+    this.file.value = kept.file;
+    return true;
   }
 
   /** Fill the list, only when it has changed: an open list would close. */
