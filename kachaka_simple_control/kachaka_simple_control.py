@@ -52,7 +52,11 @@ from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.motion.steps import Motion, Move, Step
 from kachaka_simple_control.motion.units import require_number
 from kachaka_simple_control.ros.commander import Commander
-from kachaka_simple_control.ros.dds_transport import start_on_this_machine, use_udp_transport
+from kachaka_simple_control.ros.dds_transport import (
+    start_on_this_machine,
+    use_udp_transport,
+    will_share_memory,
+)
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.introspection import IntrospectionPublishers
 from kachaka_simple_control.ros.names import INTROSPECTION_TOPICS, names_of
@@ -124,12 +128,20 @@ class KachakaSimpleControl(Node):
             start_on_this_machine(self)
             parameter_defaults = {'summary': True, **(parameter_defaults or {})}
         self._simulation: OwnSimulation | None = None
+        is_initialized = rclpy.ok(context=node_options.get('context'))
+        shares_memory = is_initialized and will_share_memory()
         use_udp_transport()
-        if not rclpy.ok(context=node_options.get('context')):
+        if not is_initialized:
             rclpy.init(context=node_options.get('context'))
         make_log_nonblocking()
         with one_line_errors(NAME):
             super().__init__(NAME, **node_options)
+        if shares_memory:
+            self.get_logger().warning(
+                'ROS_AUTOMATIC_DISCOVERY_RANGE is LOCALHOST, and rclpy.init() was called before '
+                'this node was made: DDS uses shared memory, in which a process that is killed '
+                'delays velocities and stops by 0.3 s; make this node first: it calls '
+                'rclpy.init()')
         try:
             self._set_up(parameter_defaults or {}, sim)
         except BaseException:
@@ -526,6 +538,7 @@ def lesson(arguments: list[str] | None) -> None:
     :param arguments: the command-line arguments for ROS; None for those of this process
     :raises ControlError: if the lesson could not be completed; the robot was stopped
     """
+    use_udp_transport()
     rclpy.init(args=arguments)
     robot_control = KachakaSimpleControl()
     try:

@@ -81,6 +81,16 @@ def use_udp_transport() -> None:
         _use_profile(UDP)
 
 
+def will_share_memory() -> bool:
+    """
+    Return whether Fast DDS uses shared memory unless ``use_udp_transport`` comes first.
+
+    It does with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, which ``rclpy.init`` reads.
+    """
+    return (_is_localhost_requested() and _fast_dds() not in (None, HUMBLE)
+            and not _is_transport_chosen() and not os.environ.get(PEERS))
+
+
 def use_localhost_only() -> None:
     """
     Limit DDS discovery of this process and its children to this machine.

@@ -132,6 +132,26 @@ def test_no_shared_memory_is_used(call, chosen):
     assert 'shm' not in threads
 
 
+@pytest.mark.parametrize('init, threads', [('rclpy.init()', 1), ('', 0)])
+def test_shared_memory_that_can_no_longer_be_left_out_is_said(init, threads):
+    """As where a script calls ``rclpy.init`` itself, which reads the range."""
+    needs_fast_dds()
+    script = f"""
+import rclpy, pathlib
+{init}
+from kachaka_simple_control import KachakaSimpleControl
+node = KachakaSimpleControl({{'guardian': False}})
+names = [file.read_text().strip() for file in pathlib.Path('/proc/self/task').glob('*/comm')]
+print(sum(name.startswith('dds.shm') for name in names))
+node.destroy_node()
+"""
+    result = subprocess.run(
+        [sys.executable, '-c', script], env=free_environment(**{dds_transport.RANGE: 'LOCALHOST'}),
+        timeout=60, capture_output=True, check=True, text=True)
+    assert bool(int(result.stdout.split()[-1])) == bool(threads)
+    assert result.stderr.count('DDS uses shared memory') == threads
+
+
 @pytest.mark.parametrize('profile', [dds_transport.UDP, dds_transport.LOOPBACK])
 def test_participants_of_one_process_discover_each_other_by_udp(profile):
     """Without the network, Fast DDS loses one in 300 for good: too few to try it here."""
