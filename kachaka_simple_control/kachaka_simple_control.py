@@ -57,6 +57,7 @@ from kachaka_simple_control.ros.dds_transport import (
     use_udp_transport,
     will_share_memory,
 )
+from kachaka_simple_control.ros.environment import check_environment, use_log_folder
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.introspection import IntrospectionPublishers
 from kachaka_simple_control.ros.names import INTROSPECTION_TOPICS, names_of
@@ -131,11 +132,16 @@ class KachakaSimpleControl(Node):
         is_initialized = rclpy.ok(context=node_options.get('context'))
         shares_memory = is_initialized and will_share_memory()
         use_udp_transport()
+        check_environment()
+        log_warning = None
         if not is_initialized:
+            log_warning = use_log_folder()
             rclpy.init(context=node_options.get('context'))
         make_log_nonblocking()
         with one_line_errors(NAME):
             super().__init__(NAME, **node_options)
+        if log_warning is not None:
+            self.get_logger().warning(log_warning)
         if shares_memory:
             self.get_logger().warning(
                 'ROS_AUTOMATIC_DISCOVERY_RANGE is LOCALHOST, and rclpy.init() was called before '

@@ -29,6 +29,7 @@ from kachaka_simple_control.commands.cli import Options, parse
 from kachaka_simple_control.control.interrupts import exit_on_interrupt, raise_on_interrupt
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.ros.environment import require_middleware
 from kachaka_simple_control.run_command import run_command
 
 if TYPE_CHECKING:
@@ -89,6 +90,7 @@ def drive(options: Options) -> DriveLog:
     """
     try:
         # Imported here, because previews need no ROS.
+        require_middleware()
         exit_on_interrupt()
         from kachaka_simple_control.commands.drive import drive as drive_by_ros
         raise_on_interrupt()

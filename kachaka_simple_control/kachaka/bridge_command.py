@@ -49,6 +49,7 @@ from kachaka_simple_control.kachaka.program import (
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.ros.dds_transport import use_udp_transport
+from kachaka_simple_control.ros.environment import require_middleware
 from kachaka_simple_control.ros.names import MAX_NAMESPACE_LENGTH, require_namespace
 
 if TYPE_CHECKING:
@@ -93,6 +94,7 @@ def main(args: Sequence[str] | None = None) -> int:
 def _run(args: list[str], shutdown: ShutdownEvent) -> None:
     fault = _Fault(shutdown)
     try:
+        require_middleware()
         from kachaka_simple_control.ros.startup import start_ros, strip_ros_arguments
         import rclpy
         options, parameters = _parse(strip_ros_arguments(args))

@@ -16,23 +16,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import os
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.timing import DISCOVERY_TIMEOUT, PUBLISHER_SEARCH_TIMEOUT
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError
 from kachaka_simple_control.files.robot_profile import RobotProfile
+from kachaka_simple_control.ros.dds_transport import is_localhost_only
 from kachaka_simple_control.ros.endpoints import incompatibility, own_participant, participants
+from kachaka_simple_control.ros.environment import DISCOVERY_SERVER
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.velocity_publisher import TYPES, VelocityPublisher
-from kachaka_simple_control.text import escaped
+from kachaka_simple_control.text import escaped, quoted
 from rclpy.node import Node
 
 #: How to drive a robot without odometry.
 WITHOUT_ODOMETRY = (
     'for a robot without odometry write `odometry_topic: null`, and for one that may have none '
     '`odometry_required: false`, in its profile (--robot FILE)')
+#: What to look at if no robot is found; not for one that this program has started.
 HINT = ('. Is its bridge running, in the same ROS_DOMAIN_ID? Compare the name with `ros2 topic '
         'list`. Without a robot, try `kachaka_simple_control --sim`')
 
@@ -281,5 +285,15 @@ class RobotDiscovery:
         topic = (f'{self._publisher.topic_name} (ROS domain '
                  f'{self._node.context.get_domain_id()}) after {timeout:g} s')
         if not self.is_subscribed:
-            return f'no robot listens on {topic}: {self._problem()}{HINT}'
+            hint = '' if self._required_participant is not None else f'{HINT}{_narrow_search()}'
+            return f'no robot listens on {topic}: {self._problem()}{hint}'
         return f'no robot can be driven by {topic}: {self._problem()}'
+
+
+def _narrow_search() -> str:
+    """Return sentences about the environment variables by which a robot may stay unseen."""
+    text = '. Only this machine is searched, as environment variables say' if (
+        is_localhost_only()) else ''
+    if server := os.environ.get(DISCOVERY_SERVER):
+        text += f'. {DISCOVERY_SERVER} is {quoted(server, 100)}: does this server run?'
+    return text

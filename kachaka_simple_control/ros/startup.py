@@ -20,9 +20,11 @@ import contextlib
 from itertools import pairwise
 import os
 import re
+import sys
 
 from kachaka_simple_control.control.output import print_only_on_success
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.ros.environment import check_environment, use_log_folder
 from kachaka_simple_control.ros.names import (
     MAX_NAME_LENGTH,
     MAX_NAMESPACE_LENGTH,
@@ -38,17 +40,8 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-#: The highest ROS domain for which DDS has ports.
-MAX_DOMAIN = 232
 #: The longest name of a node that ROS accepts [characters].
 MAX_NODE_NAME_LENGTH = 255
-#: The values of environment variables that ROS accepts.  ROS misunderstands other values, or
-#: refuses them with an error message of dozens of lines.
-VARIABLES = {
-    'ROS_AUTOMATIC_DISCOVERY_RANGE': ('SUBNET', 'LOCALHOST', 'OFF', 'SYSTEM_DEFAULT'),
-    **dict.fromkeys(('RCUTILS_COLORIZED_OUTPUT', 'RCUTILS_LOGGING_USE_STDOUT',
-                     'RCUTILS_LOGGING_BUFFERED_STREAM'), ('0', '1')),
-}
 #: The advice for an argument that ROS could not parse.  The key is the first word of the kind of
 #: argument in the error message of ROS.
 HINTS = {
@@ -100,26 +93,15 @@ def _checked(arguments: Sequence[str]) -> Iterator[None]:
     :raises UsageError: if the check fails, or if rclpy raises an error in the block; the message
         has one line
     """
-    _check_environment()
+    check_environment()
+    if warning := use_log_folder():
+        print(warning, file=sys.stderr)
     _check_remaps(arguments)
     try:
         with print_only_on_success():
             yield
     except (RuntimeError, UnicodeError) as error:
         raise UsageError(_explanation(str(error))) from None
-
-
-def _check_environment() -> None:
-    domain = os.environ.get('ROS_DOMAIN_ID', '')
-    if domain and not (re.fullmatch('[0-9]{1,9}', domain) and int(domain) <= MAX_DOMAIN):
-        raise UsageError(
-            f'ROS_DOMAIN_ID is {quoted(domain, 60)}; it must be a whole number from 0 to '
-            f'{MAX_DOMAIN}')
-    for name, values in VARIABLES.items():
-        value = os.environ.get(name, '')
-        if value and value not in values:
-            raise UsageError(
-                f'{name} is {quoted(value, 60)}; it must be one of {", ".join(values)}')
 
 
 def _check_remaps(arguments: Sequence[str]) -> None:
@@ -184,6 +166,8 @@ def one_line_errors(name: str) -> Iterator[None]:
             text = (f'with its namespace, one of its names has more than {MAX_NAME_LENGTH} '
                     f'characters; ROS takes {MAX_NAME_LENGTH} at most: take a shorter namespace '
                     'or name')
+        if os.environ.get('ROS_SECURITY_ENABLE') == 'true' and 'security' in text.lower():
+            text += '; unset ROS_SECURITY_ENABLE to go without'
         raise UsageError(f'there can be no node {escaped(name, 60)}: {text}') from None
 
 

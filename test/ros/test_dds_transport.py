@@ -56,7 +56,7 @@ import rclpy
 from geometry_msgs.msg import Twist
 rclpy.init()
 node = rclpy.create_node('robot')
-node.create_subscription(Twist, '/robot', print, 10)
+node.create_subscription(Twist, '/robot', lambda message: None, 10)
 print(flush=True)
 rclpy.spin(node)
 """
