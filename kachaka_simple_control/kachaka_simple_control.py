@@ -63,7 +63,7 @@ from kachaka_simple_control.ros.introspection import IntrospectionPublishers
 from kachaka_simple_control.ros.names import INTROSPECTION_TOPICS, names_of
 from kachaka_simple_control.ros.node_parameters import require_no_parameter
 from kachaka_simple_control.ros.odometry import subscribe_to_odometry
-from kachaka_simple_control.ros.parameters import declare_parameters
+from kachaka_simple_control.ros.parameters import declare_parameters, warn_of_unknown
 from kachaka_simple_control.ros.session import Session
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import taken_type, VelocityPublisher
@@ -164,6 +164,8 @@ class KachakaSimpleControl(Node):
 
     def _set_up(self, defaults: Mapping[str, Any], sim: bool) -> None:
         self.profile, self.node_parameters = declare_parameters(self, defaults)
+        if type(self) is KachakaSimpleControl:  # another class may declare more of them
+            warn_of_unknown(self)
         self.robot_names = names_of(
             self.profile, self.node_parameters.robot_namespace,
             self.node_parameters.manual_control)

@@ -44,6 +44,7 @@ from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, 
 from kachaka_simple_control.report import output_file
 from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
 from kachaka_simple_control.ros.dds_transport import use_localhost_only, use_udp_transport
+from kachaka_simple_control.ros.parameter_files import without_effect
 from kachaka_simple_control.ros.parameters import session_started
 from kachaka_simple_control.ros.startup import start_ros
 from kachaka_simple_control.telemetry import subscriber_process
@@ -102,8 +103,7 @@ def drive(options: Options) -> DriveLog:
                 subscribers, options, motion_file is None, robot_control.session.guardian_memory)
             is_shown = not options.is_quiet and terminal.is_terminal(STDERR)
             keys = _keys(robot_control) if is_shown else {}
-            for line in describe_overrides(options, motion_file, robot_control.node_parameters):
-                robot_control.get_logger().info(line)
+            _log_settings(robot_control, options, motion_file)
             stack.enter_context(_console(robot_control, options, motion_file))
             if motion_file is not None:
                 motion_file = with_corners(
@@ -139,6 +139,17 @@ def drive(options: Options) -> DriveLog:
         reason = '' if reporter.failure is None else f': {reporter.failure}'
         raise RunFaultError(f'the report in {options.report} is incomplete{reason}')
     return robot_control.drive_log
+
+
+def _log_settings(
+        robot_control: KachakaSimpleControl, options: Options,
+        motion_file: MotionFile | None) -> None:
+    """Log which settings have no effect, or win over those of the motion's file."""
+    logger = robot_control.get_logger()
+    for line in without_effect(options.ros_arguments, robot_control.get_fully_qualified_name()):
+        logger.warning(line)
+    for line in describe_overrides(options, motion_file, robot_control.node_parameters):
+        logger.info(line)
 
 
 def _print_table(

@@ -222,6 +222,8 @@ def number_advice(text: str, unit: str = '') -> str:
         float(number)
     except ValueError:
         return f'it must be a number in {unit}' if unit else 'it must be a number'
+    if number == text.strip():
+        return 'it is a text in quotes: leave the quotes out'
     return f'write {quoted(number)}, without its unit'
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, Field, fields
+from difflib import get_close_matches
 import platform
 import time
 from typing import Any
@@ -28,7 +29,11 @@ from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.motion.units import number_advice, UnitError
 from kachaka_simple_control.ros.names import RobotNames
-from kachaka_simple_control.ros.node_parameters import NodeParameters
+from kachaka_simple_control.ros.node_parameters import (
+    NodeParameters,
+    QOS_OVERRIDES_PREFIX,
+    ROS_PARAMETERS,
+)
 from kachaka_simple_control.text import escaped, quoted
 from kachaka_simple_control.version import installed_version, ros_distro
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
@@ -66,6 +71,20 @@ def declare_parameters(
     except UnitError as error:
         raise UsageError(f'parameter within is {error}') from None
     return profile, NodeParameters(robot=name, **values)
+
+
+def warn_of_unknown(node: Node) -> None:
+    """
+    Warn of each parameter that was given to a node and that the node does not have.
+
+    :param node: the node, which has declared its parameters
+    """
+    known = [*(parameter.name for parameter in fields(NodeParameters)), *ROS_PARAMETERS]
+    for name in node._parameter_overrides:  # noqa: SLF001 (nothing public tells them)
+        if name not in known and not name.startswith(QOS_OVERRIDES_PREFIX):
+            similar = get_close_matches(name, known, 1)
+            hint = f'; did you mean {similar[0]}?' if similar else ', so it has no effect'
+            node.get_logger().warning(f'there is no parameter {escaped(name, 60)}{hint}')
 
 
 def _declare(

@@ -32,6 +32,7 @@ from kachaka_simple_control.ros.names import (
     require_namespace,
     RobotNames,
 )
+from kachaka_simple_control.ros.parameter_files import check_parameter_files
 from kachaka_simple_control.text import escaped, quoted
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
@@ -97,6 +98,7 @@ def _checked(arguments: Sequence[str]) -> Iterator[None]:
     if warning := use_log_folder():
         print(warning, file=sys.stderr)
     _check_remaps(arguments)
+    check_parameter_files(arguments)
     try:
         with print_only_on_success():
             yield

@@ -118,6 +118,15 @@ def test_parameters_are_described_with_their_ranges(observer, make):
         assert ranges == ([pytest.approx(expected)] if expected else [])
 
 
+@pytest.mark.parametrize('name, hint', [
+    ('raet', '; did you mean rate?'), ('colour', ', so it has no effect')])
+def test_an_unknown_parameter_is_one_warning(make, capfd, name, hint):
+    make('-p', f'{name}:=20.0', '-p', 'use_sim_time:=false')
+    printed = capfd.readouterr().err
+    assert printed.count('[WARN]') == 1
+    assert f'there is no parameter {name}{hint}' in printed
+
+
 def test_an_invalid_name_is_an_error_and_no_node(make, observer):
     for arguments in (('-r', '__ns:=/' + 'a' * 230), ('-r', '__node:=' + 'a' * 300),
                       ('-r', f'/rosout:={VELOCITY}')):

@@ -222,6 +222,7 @@ def run():
     ('speed_factor:=.nan', 'parameter speed_factor is nan; it must be from 0.01 to 1'),
     ('robot_timeout:=1,5', "robot_timeout is '1,5'; write '1.5', with a point"),
     ('robot_timeout:=2s', "robot_timeout is '2s'; write '2', without its unit"),
+    ("rate:='20'", "rate is '20'; it is a text in quotes: leave the quotes out"),
     ('manual_control:=7', 'manual_control'),
     ('rte:=20', 'there is no parameter rte; did you mean rate?'),
     ('colour:=red', 'there is no parameter colour: robot, robot_namespace, rate, '),
