@@ -30,6 +30,7 @@ import re
 from typing import Any
 
 from kachaka_simple_control.errors import ControlError, InvalidMotionError
+from kachaka_simple_control.files.wording import step_advice
 from kachaka_simple_control.motion.units import QUANTITIES, Quantity, UnitError
 from kachaka_simple_control.text import quoted
 
@@ -404,7 +405,10 @@ def _unknown(error: Any) -> _Messages:
     for key in error.instance:
         if key not in known:
             entry = error.schema.get('entry', 'key')
-            yield key, f'there is no such {entry}; {did_you_mean(key, known)}'
+            steps = error.schema.get('definitions', {}).get('step', {}).get('properties', ())
+            advice = step_advice(key, error.instance[key]) if entry == 'step' else (
+                'it is a step: put it below `steps:`, after `- `' if key in steps else None)
+            yield key, advice or f'there is no such {entry}; {did_you_mean(key, known)}'
 
 
 def _missing(error: Any) -> _Messages:

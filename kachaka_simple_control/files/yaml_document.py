@@ -33,6 +33,7 @@ from kachaka_simple_control.files.document import (
     Schema,
     UnreadableFileError,
 )
+from kachaka_simple_control.files.wording import wide_lines
 from kachaka_simple_control.motion.units import DIGITS, point_advice
 from kachaka_simple_control.text import quoted
 
@@ -130,9 +131,19 @@ def read_document(text: str, schema: Schema) -> Document:
     :raises UnreadableFileError: if the text is empty, too long or not YAML, if PyYAML or
         jsonschema is not installed, or if there are too many problems
     """
-    document = parse_yaml(require_text(text))
-    document.check(schema)
+    try:
+        document = parse_yaml(require_text(text))
+        document.check(schema)
+    except UnreadableFileError as error:
+        raise UnreadableFileError(*_wide(text) or error.problems) from None
+    if document.problems and (wide := _wide(text)):
+        raise UnreadableFileError(*wide)
     return document
+
+
+def _wide(text: str) -> list[Problem]:
+    """Return problems with full-width lines; what else is wrong follows from them."""
+    return [Problem(f'full-width: write `{line}`', number) for number, line in wide_lines(text)]
 
 
 #: The largest allowed number of characters of a number; the longest float needs 24.

@@ -22,6 +22,7 @@ from numbers import Real
 import re
 
 from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.motion.foreign_units import in_known_units, narrowed
 from kachaka_simple_control.text import quoted
 
 #: The regular expression of a number without its sign.  It matches each text in one way only;
@@ -141,8 +142,16 @@ class Quantity:
         :param number: the number
         """
         second, first, *_ = self.units
-        return (f'{number} has no unit; {self.name} needs one: write {number} {first} or '
-                f'{number} {second}')
+        meant = [text for text in (f'{number} {first}', f'{number} {second}') if self._takes(text)]
+        return f'{number} has no unit; {self.name} needs one: ' + (
+            f'write {" or ".join(meant)}' if meant else f'it must be {self.wanted}')
+
+    def _takes(self, text: str) -> bool:
+        try:
+            self.parse(text)
+        except UnitError:
+            return False
+        return True
 
     def require(self, name: str, value: object) -> None:
         """
@@ -175,7 +184,11 @@ class Quantity:
     def _hint(self, text: str) -> str:
         if self.units is _SECOND and _CLOCK.match(text):
             return 'write 1:30 as 90 s or 1.5 min'
-        return sign_advice(text) or f'it must be {self.wanted}'
+        if advice := sign_advice(text):
+            return advice
+        known = in_known_units(text, self.units)
+        is_known = known is not None and self._takes(known)
+        return f'write {quoted(str(known))}' if is_known else f'it must be {self.wanted}'
 
 
 def point_advice(text: str) -> str | None:
@@ -191,11 +204,14 @@ def point_advice(text: str) -> str | None:
 
 def sign_advice(text: str) -> str | None:
     """
-    Return the advice for a number with a decimal comma or with the minus sign U+2212.
+    Return the advice for a full-width number, a decimal comma or the minus sign U+2212.
 
     :param text: the text of the user, as in ``0,5 m``
     :returns: the advice; None if the text has no such sign
     """
+    if (plain := narrowed(text)) != text:
+        plain = _with_point(plain.replace(MINUS, '-'))
+        return f'full-width: write {quoted(plain)}'
     if MINUS in text:
         plain = _with_point(text.replace(MINUS, '-'))
         return f'its minus is U+2212: write that of the keyboard, {quoted(plain)}'
