@@ -34,8 +34,9 @@ def run(module: str) -> int:
     # Imported only here, because before ``exit_on_interrupt`` Ctrl+C prints a traceback.
     from importlib import import_module
 
-    from kachaka_simple_control.control.output import open_closed_streams
+    from kachaka_simple_control.control.output import escape_unencodable, open_closed_streams
     open_closed_streams()
+    escape_unencodable()
     code: int = import_module(f'kachaka_simple_control.{module}').main()
     return code
 

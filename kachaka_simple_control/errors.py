@@ -15,6 +15,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class ControlError(RuntimeError):
     """
@@ -23,6 +25,17 @@ class ControlError(RuntimeError):
     The message is one line.  Only the message of a ``FileError``, which is about a file, may have
     several lines: one for each problem in the file.
     """
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what pickle needs, whatever arguments a class takes, for another process."""
+        return _restored, (type(self), self.args, self.__dict__)
+
+
+def _restored(
+        kind: type[ControlError], args: tuple[object, ...], state: dict[str, Any]) -> ControlError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(state)
+    return error
 
 
 class UsageError(ControlError):

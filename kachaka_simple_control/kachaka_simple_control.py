@@ -42,6 +42,7 @@ from kachaka_simple_control.errors import (
     MotionRunningError,
     MotionStoppedError,
     RobotMovedError,
+    RunFaultError,
     UsageError,
 )
 from kachaka_simple_control.files.robot_profile import ANY_TYPE
@@ -400,14 +401,20 @@ class KachakaSimpleControl(Node):
         return self.session.stop_confirmed_after
 
     def destroy_node(self) -> None:
-        """Stop the robot, release it for other programs, and destroy the node."""
-        self._close()
-        self._introspection.close()
-        signal_dispatcher.unregister(self._signal_handler)
-        _sessions.remove(self.session.close)
-        self._allow_shutdown()
-        atexit.unregister(self._close_at_exit)
-        super().destroy_node()
+        """
+        Stop the robot, release it for other programs, and destroy the node.
+
+        :raises RunFaultError: if the table of a simulated robot cannot be printed
+        """
+        try:
+            self._close()
+        finally:
+            self._introspection.close()
+            signal_dispatcher.unregister(self._signal_handler)
+            _sessions.remove(self.session.close)
+            self._allow_shutdown()
+            atexit.unregister(self._close_at_exit)
+            super().destroy_node()
 
     def _delay(self, driven: Plan) -> str:
         """
@@ -454,7 +461,10 @@ class KachakaSimpleControl(Node):
     def _close_at_exit(self) -> None:
         """Stop and release the robots of all nodes, then close this node; called at exit."""
         _sessions.close_all()
-        self._close()
+        try:
+            self._close()
+        except RunFaultError as error:  # a traceback would be printed
+            print(f'{NAME}: {escaped(error)}', file=sys.stderr)
 
     def _close(self) -> None:
         """

@@ -29,7 +29,7 @@ from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive, Odo
 from kachaka_simple_control.analysis.plan_view import estimate_sleep_loop, SleepLoopEstimate
 from kachaka_simple_control.analysis.step_results import step_results, StepResult
 from kachaka_simple_control.control.events import SpeedFactorChanged
-from kachaka_simple_control.control.speed_factor import describe_factors, product
+from kachaka_simple_control.control.speed_factor import describe_factors, is_hold, product
 from kachaka_simple_control.motion.geometry import Displacement, distance_between, Pose
 from kachaka_simple_control.motion.plan import PlannedStep
 from kachaka_simple_control.text import pluralize
@@ -190,8 +190,8 @@ class SpeedInterval:
 
     @property
     def is_pause(self) -> bool:
-        """Return whether the motion was paused in this interval: its relative speed was 0."""
-        return self.factor == 0.0
+        """Return whether the robot was held at rest in this interval, as in a pause."""
+        return is_hold(self.factor)
 
     @property
     def step(self) -> PlannedStep:

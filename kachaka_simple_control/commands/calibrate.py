@@ -44,6 +44,7 @@ from kachaka_simple_control.commands.calibrate_options import CalibrateOptions
 from kachaka_simple_control.commands.drive_or_preview import confirm, drive, read_answer
 from kachaka_simple_control.commands.preview import plan_view
 from kachaka_simple_control.commands.settings import choose_settings, Settings
+from kachaka_simple_control.control.output import print_result
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find
@@ -99,15 +100,15 @@ def calibrate(options: CalibrateOptions) -> None:
         return
     log, fit = drive_until_good(
         options, view.name, view, lambda log: (log, calibration_fit.fit_calibration(log)))
-    show_result([
+    rows: list[Row] = [
         *((f'gain {name}', f'{gain.value:.4f}', f'{gain.error:.4f}')
           for name, gain in fit.gains.items()),
         ('veer', f'{math.degrees(fit.veer.value):.2f} deg/m',
          f'{math.degrees(fit.veer.error):.2f} deg/m'),
         ('delay: dead time and lag', f'{fit.delay.value:.3f} s', f'{fit.delay.error:.3f} s'),
         ('noise of odometry, position', f'{1e3 * fit.position_noise:.1f} mm', ''),
-        ('noise of odometry, heading', f'{math.degrees(fit.heading_noise):.2f} deg', '')])
-    write_robot(options, settings.robot, fit.calibration(today(), options.floor))
+        ('noise of odometry, heading', f'{math.degrees(fit.heading_noise):.2f} deg', '')]
+    write_robot(options, settings.robot, rows, fit.calibration(today(), options.floor))
     if plot is not None:
         save_calibration_plot(log, fit, plot)
 
@@ -138,13 +139,13 @@ def measure_floor(options: CalibrateOptions) -> None:
     turned = odometry_fit.reported_displacement(path)[1]
     angle, = answers.ask('How far has it turned, in all?  Such as 358 deg', [ANGLE])
     fit = odometry_fit.fit_floor(length, distance, turned, angle)
-    show_result([
+    rows: list[Row] = [
         ('scale', f'{fit.scale.value:.4f}', f'{fit.scale.error:.4f}'),
         ('track ratio', f'{fit.track_ratio.value:.4f}', f'{fit.track_ratio.error:.4f}'),
         ('1 m by odometry', f'{length:.4f} m', ''),
-        ('a turn by odometry', f'{math.degrees(turned):.2f} deg', '')])
+        ('a turn by odometry', f'{math.degrees(turned):.2f} deg', '')]
     known = settings.profile.odometry_calibration or OdometryCalibration()
-    write_robot(options, settings.robot, replace(
+    write_robot(options, settings.robot, rows, replace(
         known, scale=round(fit.scale.value, 5), track_ratio=round(fit.track_ratio.value, 5),
         date=today(), floor=options.floor or known.floor))
 
@@ -190,14 +191,14 @@ def measure_squares(options: CalibrateOptions) -> None:
                 kinds))))
     fit = odometry_fit.fit_umbmark(squares, track, known.scale)
     wheels, track_ratio = fit.closed_form
-    show_result([
+    rows: list[Row] = [
         ('wheel ratio, right over left', f'{fit.wheel_ratio.value:.5f}',
          f'{fit.wheel_ratio.error:.5f}'),
         ('track ratio', f'{fit.track_ratio.value:.4f}', f'{fit.track_ratio.error:.4f}'),
         ("by Borenstein and Feng's formulas", f'{wheels:.5f}, {track_ratio:.4f}', ''),
         ('E_max,syst before', f'{1e3 * fit.before:.0f} mm', ''),
-        ('E_max,syst after', f'{1e3 * fit.after:.0f} mm', '')])
-    write_robot(options, settings.robot, replace(
+        ('E_max,syst after', f'{1e3 * fit.after:.0f} mm', '')]
+    write_robot(options, settings.robot, rows, replace(
         known, wheel_ratio=round(fit.wheel_ratio.value, 6),
         track_ratio=round(fit.track_ratio.value, 5), date=today(),
         floor=options.floor or known.floor))
@@ -238,7 +239,7 @@ def show(views: Sequence[PlanView]) -> None:
 
     :param views: the plans
     """
-    print(plan_table(views, terminal_columns()), flush=True)
+    print_result(plan_table(views, terminal_columns()), 'the plan')
 
 
 def drive_until_good(
@@ -313,32 +314,41 @@ def show_result(rows: Sequence[Row]) -> None:
     """
     Print the results of a calibration as a table.
 
-    Call this before the profile is written, so that the user sees the results even if the profile
-    cannot be written.
-
     :param rows: for each result, its name, its value and its standard error, as text
+    :raises RunFaultError: if it cannot be printed, such as to a full disk
     """
     table = columns((Column(''), Column('value'), Column('standard error')), rows)
-    print('\n'.join(['', *table, '']), flush=True)
+    print_result('\n'.join(['', *table, '']), 'the result')
 
 
 def write_robot(
-        options: CalibrateOptions, robot: str,
+        options: CalibrateOptions, robot: str, rows: Sequence[Row],
         calibration: Calibration | OdometryCalibration) -> None:
     """
-    Write a robot's profile with a new calibration to a file, and print how to use the file.
+    Print the results of a calibration, and write a robot's profile with it to a file.
+
+    If one of them is not possible, the other is done all the same.
 
     :param options: the options of the command, which name the file to write
     :param robot: the name or the file of the profile to which the calibration is added
+    :param rows: the results, for ``show_result``
     :param calibration: the new calibration
     :raises UsageError: if the file cannot be written
     """
     file = options.file
+    with contextlib.ExitStack() as stack:
+        stack.callback(_write_robot, file, calibrated_text(robot, calibration))
+        show_result(rows)
+
+
+def _write_robot(file: Path, text: str) -> None:
     try:
-        write_atomically(file, calibrated_text(robot, calibration).encode())
+        write_atomically(file, text.encode())
     except OSError as error:
         raise UsageError(f'{escaped(file)}: {error.strerror}') from None
-    print(f'{file}: written; drive with --robot {file if file.is_absolute() else f"./{file}"}')
+    print_result(
+        f'{file}: written; drive with --robot {file if file.is_absolute() else f"./{file}"}',
+        'its name')
 
 
 class _Answers:

@@ -24,6 +24,7 @@ import os
 from pathlib import Path
 import sys
 
+from kachaka_simple_control.control.output import print_result
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.exit_codes import OneLineParser
 from kachaka_simple_control.report import comparison
@@ -51,7 +52,7 @@ def compare(directories: Sequence[Path], plot: str | None) -> None:
     drives = [comparison.read_drive(directory) for directory in directories]
     comparison.require_same(drives)
     width = min(terminal_columns() or WIDEST, WIDEST)
-    print(comparison.comparison_table(drives, width), flush=True)
+    print_result(comparison.comparison_table(drives, width), 'the table')
     if file is not None:
         comparison.save_comparison(drives, file)
 

@@ -55,6 +55,13 @@ def open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
 
 
+def escape_unencodable() -> None:
+    """Print what the terminal's encoding lacks as an escape sequence; it is an error otherwise."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors='backslashreplace')
+
+
 def make_nonblocking(*descriptors: int) -> None:
     """
     Make outputs of this process non-blocking, and drop text that cannot be written.
@@ -127,6 +134,7 @@ def print_result(text: str, name: str) -> None:
     :raises RunFaultError: if the text cannot be written, such as to a full disk
     """
     problem = None
+    escape_unencodable()
     try:
         print(text, flush=True)
     except OSError as error:

@@ -29,6 +29,7 @@ from typing import ClassVar
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control import processes
+from kachaka_simple_control.control.output import print_result
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError, UsageError
 from kachaka_simple_control.exit_codes import NO_ROBOT
 from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
@@ -273,6 +274,7 @@ class OwnSimulation:
         :param drive_log: the record of the drive, from which the table is made
         :param stop_confirmed_after: the time from the start of the last stop until odometry showed
             a standstill [s]; None if odometry did not show it
+        :raises RunFaultError: if the table cannot be printed, such as to a full disk
         """
         bridge, self._bridge = self._bridge, None
         if bridge is None:
@@ -280,4 +282,5 @@ class OwnSimulation:
         bridge.end()
         self._running.discard(self._namespace)
         if drive_log.steps:
-            print(drive_table(drive_log, stop_confirmed_after, terminal_columns()), flush=True)
+            print_result(
+                drive_table(drive_log, stop_confirmed_after, terminal_columns()), 'the table')

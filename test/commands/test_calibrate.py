@@ -26,6 +26,7 @@ from kachaka_simple_control.analysis.calibration_fit import (
 )
 from kachaka_simple_control.commands import calibrate
 from kachaka_simple_control.commands.calibrate import MAX_ATTEMPTS
+from kachaka_simple_control.errors import RunFaultError
 from kachaka_simple_control.files.robot_profile import calibrated_text, find_robot, KACHAKA
 from kachaka_simple_control.motion.calibration import Calibration
 from program import call, program
@@ -163,6 +164,17 @@ def test_what_was_measured_is_printed_even_if_no_file_can_be_written(run, monkey
     assert (code, errors) == (2, 'kachaka_calibrate: my_kachaka.yaml: No space left on device\n')
     assert 'gain forward                 0.9500      0.0004' in output
     assert 'written' not in output
+
+
+def test_what_was_measured_is_written_even_if_it_cannot_be_printed(run, monkeypatch, tmp_path):
+    def fail(text, name):
+        raise RunFaultError(f'{name} cannot be printed: No space left on device')
+
+    monkeypatch.setattr(calibrate, 'print_result', fail)
+    code, _, errors, _ = run('--sim')
+    assert code == 1
+    assert 'the result cannot be printed: No space left on device\n' in errors
+    assert find_robot(tmp_path / 'my_kachaka.yaml').calibration.forward_gain == 0.95
 
 
 def test_a_drive_that_cannot_tell_writes_nothing(run, monkeypatch, tmp_path):

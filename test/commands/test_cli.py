@@ -186,6 +186,21 @@ def test_what_cannot_be_printed_is_one_line(options, what):
 
 
 @pytest.mark.needs('yaml', 'jsonschema')
+@pytest.mark.parametrize('encoding', ['ascii', 'latin-1', 'cp932'])
+@pytest.mark.parametrize('options', [['--plan'], ['--list', '--plan'], ['--plot', '図.png']])
+def test_names_that_a_terminal_cannot_show_are_no_error(encoding, options, tmp_path):
+    text = 'name: 正方形é\nsteps: [forward: 1 m]'
+    (tmp_path / '正方形é.yaml').write_text(text, encoding='utf-8')
+    words = [part.replace('図', str(tmp_path / '図')) for part in options]
+    ended = subprocess.run(
+        [*COMMAND, str(tmp_path / '正方形é.yaml'), *words], check=False, capture_output=True,
+        timeout=60, env=environment(PYTHONIOENCODING=encoding))
+    assert (ended.returncode, ended.stderr) == (0, b'')
+    if encoding == 'ascii' and '--plan' in options:
+        assert b'\\u6b63' in ended.stdout
+
+
+@pytest.mark.needs('yaml', 'jsonschema')
 @pytest.mark.parametrize('text', [
     'steps: [wait: 1 s', 'steps: [{wait: 2 m}]\nrate: x\n',
     'steps: [turn: {angle: 90 deg, speed: 9 rad/s}]', 'steps: [wait: 1 s]\nrobot: ./bad.yaml'])

@@ -16,8 +16,11 @@
 import json
 import math
 import os
+from pathlib import Path
 import re
 import shutil
+import subprocess
+import sys
 
 from golden import answers, compare
 from kachaka_simple_control.analysis.summary import Summary
@@ -55,6 +58,17 @@ def run(capsys):
         return call(main, arguments, capsys)
 
     return run
+
+
+def test_a_table_that_cannot_be_printed_is_one_line(reports, tmp_path):
+    for name in 'ab':
+        reports(name)
+    with Path('/dev/full').open('w') as full:
+        ended = subprocess.run(
+            [sys.executable, '-m', 'kachaka_simple_control.commands.compare', 'a', 'b'],
+            check=False, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr) == (
+        1, 'kachaka_compare: the table cannot be printed: No space left on device\n')
 
 
 def test_accuracy_and_repeatability_are_those_of_the_ends(reports, run, tmp_path):

@@ -101,8 +101,8 @@ def test_a_slow_reader_receives_everything():
     with Piped(code("""
 make_nonblocking(1, 2)
 for line in range(5000):
-    print(f'{line:09}')
-    print(f'{line:09}', file=sys.stderr, flush=True)
+    print(f'{line:09}\\n', end='')
+    print(f'{line:09}\\n', end='', file=sys.stderr, flush=True)
 """)) as started:
         time.sleep(FLUSH_TIMEOUT)
         lines = started.read().split()

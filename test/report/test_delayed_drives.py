@@ -20,7 +20,7 @@ import math
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.analysis.message_timing import timing
-from kachaka_simple_control.analysis.summary import Summary
+from kachaka_simple_control.analysis.summary import SpeedInterval, Summary
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.steps import Forward, Motion, Move, Turn, Wait
 from kachaka_simple_control.report.html_page import render_page
@@ -68,6 +68,11 @@ def timed(changes):
 @settings(max_examples=60)
 @given(CHANGES, st.sampled_from([5.0, 20.0, 50.0]))
 @example([(3.0, 0.0), (2.0, 0.0)], 20.0)
+@pytest.mark.parametrize(('factor', 'is_held'), [(0.0, True), (0.009, True), (0.01, False)])
+def test_who_is_held_at_rest_is_paused_whatever_the_factor(factor, is_held):
+    assert SpeedInterval(None, {'obstacle': factor}, 0.0, 1.0, 0.0, 0.0).is_pause is is_held
+
+
 def test_each_step_was_sent_what_it_asks_for(changes, rate):
     log = drive(timed(changes), rate=rate, lateness=on_time, odometry_period=None)
     (motion,) = log.motions
