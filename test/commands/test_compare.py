@@ -61,8 +61,8 @@ def run(capsys):
 
 
 def test_a_table_that_cannot_be_printed_is_one_line(reports, tmp_path):
-    for name in 'ab':
-        reports(name)
+    for name, gain in (('a', 0.95), ('b', 0.96)):
+        reports(name, gain)
     with Path('/dev/full').open('w') as full:
         ended = subprocess.run(
             [sys.executable, '-m', 'kachaka_simple_control.commands.compare', 'a', 'b'],

@@ -65,14 +65,14 @@ def timed(changes):
     return [*factors, (time, FULL)]
 
 
-@settings(max_examples=60)
-@given(CHANGES, st.sampled_from([5.0, 20.0, 50.0]))
-@example([(3.0, 0.0), (2.0, 0.0)], 20.0)
 @pytest.mark.parametrize(('factor', 'is_held'), [(0.0, True), (0.009, True), (0.01, False)])
 def test_who_is_held_at_rest_is_paused_whatever_the_factor(factor, is_held):
     assert SpeedInterval(None, {'obstacle': factor}, 0.0, 1.0, 0.0, 0.0).is_pause is is_held
 
 
+@settings(max_examples=60)
+@given(CHANGES, st.sampled_from([5.0, 20.0, 50.0]))
+@example([(3.0, 0.0), (2.0, 0.0)], 20.0)
 def test_each_step_was_sent_what_it_asks_for(changes, rate):
     log = drive(timed(changes), rate=rate, lateness=on_time, odometry_period=None)
     (motion,) = log.motions
