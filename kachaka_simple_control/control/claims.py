@@ -26,11 +26,13 @@ import errno
 import hashlib
 import json
 import os
+from queue import SimpleQueue
 import socket
 import struct
 import sys
 import threading
 import time
+import weakref
 
 from kachaka_simple_control.control.processes import call_in_forked_children, is_running
 from kachaka_simple_control.control.timing import (
@@ -86,6 +88,13 @@ class MachineClaim:
     def __init__(self) -> None:
         self._socket = socket.socket(socket.AF_UNIX)
         self._is_held = False
+        #: the description of this program; empty if the claim was never taken
+        self._who: SimpleQueue[str] = SimpleQueue()
+        # Started here, because since Python 3.12 no thread can start after the main thread has
+        # ended, and another thread may begin to drive then.
+        threading.Thread(
+            target=_serve, args=(self._socket, self._who), name='claim', daemon=True).start()
+        weakref.finalize(self, self._who.put, '').atexit = False
         call_in_forked_children(self._close_in_child)
 
     def fileno(self) -> int:
@@ -123,8 +132,7 @@ class MachineClaim:
                 raise ClaimedError(holder, process == os.getpid())
             time.sleep(CLAIM_RETRY_PERIOD)
         self._is_held = True
-        threading.Thread(
-            target=_serve, args=(self._socket, who), name='claim', daemon=True).start()
+        self._who.put(who)
 
     def release(self) -> None:
         """
@@ -137,6 +145,7 @@ class MachineClaim:
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
+        self._who.put('')
 
     def _bind(self, address: bytes) -> bool:
         try:
@@ -179,14 +188,15 @@ def _holder(address: bytes) -> tuple[str, int, bool]:
     return f'process {process}, which does not answer', process, False
 
 
-def _serve(server: socket.socket, who: str) -> None:
+def _serve(server: socket.socket, taken: SimpleQueue[str]) -> None:
     """
     Send the description of this program to each client, until the claim is released.
 
     :param server: the socket of the claim on the robot, to which other programs connect
-    :param who: the description of this program
+    :param taken: gives the description of this program when it has taken the claim
     """
-    while True:
+    who = taken.get()
+    while who:
         try:
             client, _ = server.accept()
         except OSError:

@@ -26,6 +26,7 @@ import os
 import socket
 import threading
 import time
+import weakref
 
 from kachaka_simple_control.control.claims import (
     Claim,
@@ -201,8 +202,11 @@ class _NetworkClaim:
             callback_group=MutuallyExclusiveCallbackGroup())
         self._node = node
         self._stopped = threading.Event()
-        self._thread = threading.Thread(
-            target=self._publish_periodically, name='claim', daemon=True)
+        # Started here, because since Python 3.12 no thread can start after the main thread has
+        # ended, and another thread may begin to drive then.
+        threading.Thread(
+            target=_publish_periodically, args=(weakref.ref(self), self._stopped), name='claim',
+            daemon=True).start()
 
     def take(self, who: str, check: Callable[[], None]) -> str | None:
         """
@@ -218,8 +222,6 @@ class _NetworkClaim:
             return self.holder()
         self._who = who
         self._set_state(WANTED)
-        if not self._thread.is_alive():
-            self._thread.start()
         asked = time.monotonic()
 
         def is_decided() -> bool:
@@ -280,12 +282,10 @@ class _NetworkClaim:
         self._publisher.publish(
             String(data=Claim(self._participant, self._state, self._who).to_json()))
 
-    def _publish_periodically(self) -> None:
-        while not self._stopped.wait(CLAIM_PERIOD):
-            if not self._node.context.ok():
-                return
-            if self._state != RELEASED:
-                self._publish()
+    def repeat(self) -> None:
+        """Publish the claim again, for programs that came later, unless it is released."""
+        if self._state != RELEASED and self._node.context.ok():
+            self._publish()
 
     def _on_message(self, message: String) -> None:
         claim = Claim.from_json(message.data)
@@ -296,3 +296,12 @@ class _NetworkClaim:
             if self._conflict_found is None:
                 self._conflict_found = time.monotonic()
             self._on_conflict(holder)
+
+
+def _publish_periodically(claim: weakref.ref[_NetworkClaim], stopped: threading.Event) -> None:
+    # A weak reference, so that a claim of a node that could not be made is let go of.
+    while not stopped.wait(CLAIM_PERIOD):
+        if (one := claim()) is None:
+            return
+        one.repeat()
+        del one
