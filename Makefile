@@ -40,8 +40,8 @@ test: setup  ## set up, then run the tests; 7 to 8 minutes
 	PYTEST='$(VENV)/bin/python -m pytest' WORKERS=$(WORKERS) tools/test.sh $(if $(MARKED),'$(MARKED)')
 
 test-all: export HYPOTHESIS_PROFILE = thorough
-test-all: test-lowest  ## test so, and with each distro on PyPI under each Python from 3.10 to 3.13; an hour
-	@for distro in jazzy kilted; do for python in python3.10 python3.11 python3.12 python3.13; do \
+test-all: test-lowest  ## test so, and with each distro on PyPI under each Python from 3.10 to 3.14; an hour
+	@for distro in jazzy kilted; do for python in python3.10 python3.11 python3.12 python3.13 python3.14; do \
 	    $$python -c '' 2>/dev/null || { echo "no $$python here: skipped"; continue; }; \
 	    $(MAKE) test DISTRO=$$distro PYTHON=$$python VENV=.venv-$$distro-$$python || exit 1; \
 	done; done
@@ -90,7 +90,7 @@ colcon:  ## build, run and test the package as a ROS workspace does; 3 minutes
 
 docs:  ## build docs/ as a site in docs/_build, and do what it tells a reader to do; 5 minutes
 	$(SET_UP) --for=colcon $(VENV)-colcon
-	PYTHONPATH=. $(VENV)-colcon/bin/python -m sphinx -n -W --keep-going -q -b $(DOCS) \
+	PYTHONPATH=.$${PYTHONPATH:+:$$PYTHONPATH} $(VENV)-colcon/bin/python -m sphinx -n -W --keep-going -q -b $(DOCS) \
 	    -d docs/_build/doctrees docs docs/_build/$(DOCS)
 	$(VENV)-colcon/bin/python -m pytest -rs -n 4 --dist worksteal test/test_docs.py
 

@@ -65,6 +65,8 @@ OPTIONAL = {
 }
 #: The purposes that need only their own lock file and no ROS, with a description.
 ALONE = {'humble-linters': 'the linters of Humble', 'lowest': 'the oldest releases'}
+#: The line of pip after what a build has printed.
+END_OF_BUILD = '[end of output]'
 #: The messages of pip if the package index does not respond.
 UNREACHABLE = ('connection broken', 'Could not fetch URL', 'ReadTimeoutError')
 
@@ -377,5 +379,9 @@ def reason(output: str) -> str:
     if any(sign in output for sign in UNREACHABLE):
         return 'the download failed, for the package index does not answer; is there a network?'
     lines = [line.strip() for line in output.splitlines() if line.strip()]
+    if END_OF_BUILD in lines[1:]:
+        # What a build has printed ends with its error; pip's own words after it say nothing of it.
+        return lines[lines.index(END_OF_BUILD) - 1]
     errors = [line for line in lines if line.startswith('ERROR:')]
-    return (errors or lines or ['a command failed without a word'])[-1]
+    said = [line for line in lines if not line.startswith(('hint:', 'note:'))]
+    return (errors or said or lines or ['a command failed without a word'])[-1]
