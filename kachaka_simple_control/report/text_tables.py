@@ -330,7 +330,8 @@ def _corners(plan: Plan) -> list[str]:
     if not corners and not plan.saved_time:
         return []
     cuts = [corner.cut.deviation for corner in corners if corner.cut.deviation]
-    most = f' by {_deviation(max(cuts))} at most' if cuts else ''
+    size = _deviation(max(cuts, default=0.0))
+    most = '' if not cuts else f' by {size}{"" if size.startswith("less") else " at most"}'
     what = f'Corners: {len(cuts)} of {len(corners)} cut{most};' if corners else 'Joined legs:'
     saved = f'{format_fixed(plan.saved_time, 1)} s less than with stops'
     return [f'{what} {saved}', *_shrunk(corners)]
@@ -366,7 +367,7 @@ def _shrunk(corners: Sequence[CutCorner]) -> list[str]:
 def _deviation(length: float) -> str:
     if length < 0.01:
         # Not 0, because the robot does not stop there.
-        return f'{format_fixed(max(0.1, 1e3 * length), 1)} mm'
+        return 'less than 0.1 mm' if length < 1e-4 else f'{format_fixed(1e3 * length, 1)} mm'
     return f'{format_fixed(100.0 * length, 1)} cm'
 
 

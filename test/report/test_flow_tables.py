@@ -92,8 +92,8 @@ def test_equal_corners_share_a_line_and_few_lines_are_shown():
 def test_tiny_corners_are_not_called_stops():
     motion = Motion('', (*SIDE, Forward(0.001), Turn(QUARTER), Forward(0.5)), corners=0.05)
     assert corner_lines(motion) == [
-        'Corners: 2 of 2 cut by 0.1 mm at most; 0.3 s less than with stops',
-        'corners 1, 2: 0.1 mm, a leg of 0.001 m is short']
+        'Corners: 2 of 2 cut by less than 0.1 mm; 0.3 s less than with stops',
+        'corners 1, 2: less than 0.1 mm, a leg of 0.001 m is short']
 
 
 def stopping():
