@@ -245,6 +245,23 @@ threading.Thread(target=play).start()
     assert 'Traceback' not in started.text
 
 
+def test_a_drive_needs_no_thread_that_its_node_has_not_started(listener, tmp_path):
+    """Under any Python what 3.12 refuses after the end of the main thread."""
+    text = BEGIN + """
+import threading
+def refused(thread):
+    raise RuntimeError("can't create new thread at interpreter shutdown")
+threading.Thread.start = refused
+node.move_robot(0.1, 0.0, 0.3)
+node.move_robot(0.1, 0.5, 0.3)
+"""
+    with script(text, tmp_path) as started:
+        assert started.end() == 0
+    assert [move.duration for move in listener.moves()] == pytest.approx([0.3, 0.3], abs=0.2)
+    assert_released(listener)
+    assert 'new thread' not in started.text
+
+
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
 def test_a_signal_is_handled_when_the_main_thread_has_ended(listener, tmp_path, name):
     text = BEGIN + """
