@@ -1,7 +1,7 @@
 # The commands to work with; CONTRIBUTING.md says when to use which.
 #
 # DOCS    the form that the documentation is built in: html, or linkcheck to try outer links too
-# PYTHON  the Python to use, 3.10 or newer
+# PYTHON  the Python to use, 3.10 or newer; of several, as in PYTHON='python3.13 python3', the first that is here
 # DISTRO  the ROS 2 to take from PyPI where none is sourced: jazzy (as by default) or kilted
 # QUICK   anything: bench, stop-matrix, console-matrix, lossy-link measure little, in minutes; docs stay as they are
 # MARKED  which tests: `ros`, `not ros`, `slow` ...; all by default, but for documents (make docs)
@@ -9,12 +9,13 @@
 # NO_BARS anything: bench does not fail when a threshold is missed
 
 PYTHON ?= python3
+python := $(firstword $(foreach one,$(PYTHON),$(shell $(one) -c 'print("$(one)")' 2>/dev/null)) $(PYTHON))
 DISTRO ?=
 DOCS ?= html
 MARKED ?=
 WORKERS ?= 7
 VENV := .venv$(addprefix -,$(filter-out jazzy,$(DISTRO)))
-SET_UP := @$(PYTHON) tools/set_up.py $(addprefix --distro=,$(DISTRO))
+SET_UP := @$(python) tools/set_up.py $(addprefix --distro=,$(DISTRO))
 
 # Tests start hundreds of programs; each would compile the package again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -56,7 +57,7 @@ check: setup  ## set up, then check style, types, who imports whom, workflows, a
 	$(VENV)/bin/mypy --follow-imports=silent tools/environment.py
 	$(VENV)/bin/lint-imports --no-cache --no-logo
 	$(VENV)/bin/zizmor --offline --strict-collection .github
-	@tools/check_humble_linters.sh $(PYTHON) .venv-humble-linters
+	@tools/check_humble_linters.sh $(python) .venv-humble-linters
 
 floor: setup  ## drive a square on one simulated floor: as it is, calibrated, in a closed loop; 3 minutes
 	rm -rf floor
@@ -80,7 +81,7 @@ mutants: setup  ## break the package on purpose, see that tests notice: half an 
 
 # Drawing has an environment of its own: its numpy need not be the one that a sourced ROS wants.
 .venv-plots/made: requirements/benchmarks.txt
-	$(PYTHON) -m venv --clear .venv-plots
+	$(python) -m venv --clear .venv-plots
 	.venv-plots/bin/python -m pip install --quiet --require-hashes --requirement $<
 	touch $@
 
@@ -105,7 +106,7 @@ browser:  ## install Chromium for tests of pages, and what the console matrix us
 	$(AS_ROOT) apt-get install --yes --no-install-recommends xvfb openbox nftables
 
 lock:  ## write requirements/*.txt anew, with the newest releases; 1 minute
-	$(PYTHON) -m venv --clear .venv-lock
+	$(python) -m venv --clear .venv-lock
 	.venv-lock/bin/python -m pip install --quiet uv
 	tools/lock.sh .venv-lock/bin/uv
 
