@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 import math
 from typing import NamedTuple
 
@@ -63,24 +64,24 @@ class ArcGroup:
     """
     Arcs of the same curvature in succession, which are one arc on one circle.
 
-    :param arcs: the arcs
+    :param arcs: the arcs, which no longer change when a property was read
     :param offset: by how much the radius is smaller [m]
     """
 
     arcs: list[RunArc]
     offset: float = 0.0
 
-    @property
+    @cached_property
     def sign(self) -> float:
         """Return 1 for an arc to the left, -1 for an arc to the right."""
         return math.copysign(1.0, self.arcs[0].curvature)
 
-    @property
+    @cached_property
     def radius(self) -> float:
         """Return the radius as the motion has it [m]."""
         return 1.0 / abs(self.arcs[0].curvature)
 
-    @property
+    @cached_property
     def angle(self) -> float:
         """Return the size of the heading change [rad]."""
         return math.fsum(arc.angle for arc in self.arcs)

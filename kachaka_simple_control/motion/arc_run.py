@@ -169,6 +169,9 @@ class _Solver:
 
     run: ArcRun
     groups: list[ArcGroup] = field(init=False)
+    #: transitions by all that they depend on: most offsets stay as they are in a round
+    _known: dict[tuple[object, ...], Transition | None] = field(init=False, default_factory=dict)
+    _crossing: list[bool] = field(init=False)
 
     def __post_init__(self) -> None:
         self.groups = []
@@ -177,6 +180,9 @@ class _Solver:
                 self.groups[-1].arcs.append(arc)
             else:
                 self.groups.append(ArcGroup([arc]))
+        self._crossing = [
+            any(one.sign != group.sign for one in self.groups[max(0, index - 1):index + 2])
+            for index, group in enumerate(self.groups)]
 
     def fastest(self) -> RunPlan:
         """Return the fastest plan that is found."""
@@ -342,6 +348,15 @@ class _Solver:
         :param stops: at which junctions the robot stops
         :param most: the number of arcs to estimate it with; None for the exact transition
         """
+        beside = range(max(0, index - 1), min(len(self.groups), index + 1))
+        known = (index, most, *((self.groups[place].offset, stops[place], stops[place + 1])
+                                for place in beside))
+        if known not in self._known:
+            self._known[known] = self._new_transition(index, stops, most)
+        return self._known[known]
+
+    def _new_transition(
+            self, index: int, stops: Sequence[bool], most: int | None) -> Transition | None:
         one, two = Circle(0.0), Circle(0.0)
         speeds = []
         if index:
@@ -363,12 +378,7 @@ class _Solver:
     def _limits(self, index: int, arc: int) -> PathLimits:
         """Return the limits along the first arc (0) or the last arc (-1) of a circle."""
         group = self.groups[index]
-        return group.limits(group.arcs[arc], self.run.limits, self._crosses(index))
-
-    def _crosses(self, index: int) -> bool:
-        """Return whether a neighbour of a circle bends to the other side."""
-        return any(one.sign != self.groups[index].sign
-                   for one in self.groups[max(0, index - 1):index + 2])
+        return group.limits(group.arcs[arc], self.run.limits, self._crossing[index])
 
     def _shares(self, transitions: Sequence[Transition | None]) -> list[float]:
         """
@@ -434,7 +444,7 @@ class _Solver:
         legs: list[Leg] = []
         between: list[Transition | None] = []
         for index, group in enumerate(self.groups):
-            crosses = self._crosses(index) and any(transitions)
+            crosses = self._crossing[index] and any(transitions)
             between += [transitions[index], *[None] * (len(group.arcs) - 1)]
             legs += [Leg(group.segment(arc), group.limits(arc, self.run.limits, crosses))
                      for arc in group.arcs]
