@@ -131,7 +131,8 @@ class RemoteCommands:
         """Execute a command; all that may take time is done in another thread."""
         match command:
             case protocol.Stop():
-                self._start_thread(lambda: self._stop(command.id))
+                changes = self._commander.changes
+                self._start_thread(lambda: self._stop(command.id, changes))
             case protocol.Pause():
                 self._answer(command.id, self._commander.pause)
             case protocol.Resume():
@@ -149,16 +150,15 @@ class RemoteCommands:
             'another program drives the robot; from here it can be stopped, paused, resumed and '
             'slowed down')
 
-    def _stop(self, number: int) -> None:
+    def _stop(self, number: int, changes: int) -> None:
         is_done, odometry = True, self._session.odometry
         try:
             text = self._session.stop('a remote stop')
         except ControlError as error:
             is_done, text = False, str(error)
         # Whoever drives next begins as after the start, and not paused or slowed down by others.
-        if not self._session.is_driving:
-            with contextlib.suppress(ControlError):  # it was stopped for good
-                self._commander.begin_anew()
+        with contextlib.suppress(ControlError):  # it was stopped for good
+            self._commander.begin_anew(changes)
         now = time.monotonic()
         is_confirmed = None if odometry.age(now) is None else (
             odometry.still_since(now) is not None)

@@ -68,6 +68,10 @@ class Commander:
         self._session = session
         self._factor = session.speed_factor
         self._initial_factor = factor
+        #: how often somebody has paused or set the speed
+        self._changes = 0
+        # Reentrant: to set the parameter calls back in the same thread.
+        self._changing = threading.RLock()
         self._confirmation = ResumeConfirmation()
         #: the stop requests; a start or resume request at the same time is refused
         self.stop_requests = StopRequests()
@@ -165,7 +169,10 @@ class Commander:
         :raises ControlError: if no motion may start any more, so that there is none to pause
         """
         self._session.require_not_stopped()
-        if not self._factor.set(PAUSE, 0.0):
+        with self._changing:
+            self._changes += 1
+            is_new = self._factor.set(PAUSE, 0.0)
+        if not is_new:
             return 'it was paused before'
         self._node.get_logger().info('Paused: resume to go on')
         return ('paused' if self._session.is_driving
@@ -254,11 +261,24 @@ class Commander:
         if not result.successful:
             raise MotionRefusedError(result.reason)
 
-    def begin_anew(self) -> None:
-        """End any pause, and set the speed to that at the start of the node."""
-        for name in (PAUSE, MOVED):
-            self._factor.set(name, 1.0)
-        self.set_speed(self._initial_factor)
+    @property
+    def changes(self) -> int:
+        """Return how often somebody has paused the robot or set its speed so far."""
+        return self._changes
+
+    def begin_anew(self, changes: int) -> None:
+        """
+        End any pause, and set the speed to that at the start of the node.
+
+        :param changes: the value of ``changes`` when this was decided; a pause or a speed that
+            came later is kept
+        """
+        with self._changing:
+            if changes != self._changes:
+                return
+            for name in (PAUSE, MOVED):
+                self._factor.set(name, 1.0)
+            self.set_speed(self._initial_factor)
 
     async def _on_stop(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -295,7 +315,9 @@ class Commander:
 
     def _apply_parameters(self, parameters: list[Parameter]) -> None:
         if values := _factors(parameters):
-            self._factor.set(OVERRIDE, values[-1])
+            with self._changing:
+                self._changes += 1
+                self._factor.set(OVERRIDE, values[-1])
 
 
 def _factors(parameters: list[Parameter]) -> list[Any]:

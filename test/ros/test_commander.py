@@ -551,3 +551,18 @@ def test_a_pause_after_the_guardians_stop_is_refused(make):
     for command in (node.pause, partial(node.commander.set_speed, 0.5)):
         with pytest.raises(ControlError, match='the guardian stopped the robot'):
             command()
+
+
+@pytest.mark.parametrize(('change', 'kept'), [
+    (lambda node: node.pause(), {'pause': 0.0, 'override': 0.5}),
+    (lambda node: node.commander.set_speed(0.3), {'pause': 0.0, 'override': 0.3}),
+    (lambda node: None, {'override': 0.8})])
+def test_to_begin_anew_keeps_a_pause_or_a_speed_that_came_later(make, change, kept):
+    """As after STOP: what somebody asks for while the stop is sent must not be lost."""
+    node = make(speed_factor=0.8)
+    node.speed_factor = 0.5
+    node.pause()
+    changes = node.commander.changes
+    change(node)
+    node.commander.begin_anew(changes)
+    assert dict(node.session.speed_factor.factors) == kept
