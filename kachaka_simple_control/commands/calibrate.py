@@ -337,18 +337,19 @@ def write_robot(
     """
     file = options.file
     with contextlib.ExitStack() as stack:
-        stack.callback(_write_robot, file, calibrated_text(robot, calibration))
+        stack.callback(_write_robot, file, robot, calibration)
         show_result(rows)
 
 
-def _write_robot(file: Path, text: str) -> None:
+def _write_robot(
+        file: Path, robot: str, calibration: Calibration | OdometryCalibration) -> None:
     try:
-        write_atomically(file, text.encode())
+        write_atomically(file, calibrated_text(robot, calibration).encode())
     except OSError as error:
         raise UsageError(f'{escaped(file)}: {error.strerror}') from None
     print_result(
         f'{file}: written; drive with --robot {file if file.is_absolute() else f"./{file}"}',
-        'its name')
+        'the name of the file')
 
 
 class _Answers:

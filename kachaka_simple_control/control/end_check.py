@@ -67,8 +67,7 @@ class EndCheck:
     Measures how far from the plan a robot came to rest, by odometry.
 
     Motions that follow each other before the robot has come to rest count as one.  The thread that
-    drives calls ``begin``, ``on_complete`` and ``cancel``; ``on_odometry`` may be called by
-    another.
+    drives calls ``begin`` and ``on_complete``; any thread may call the others.
 
     :param odometry: the calibration of the odometry; None if what it reports is true
     """

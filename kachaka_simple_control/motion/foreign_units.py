@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What to write for a quantity that is written as people write it, but files do not."""
+"""Convert inches, fractions, km/h and the like to the units that motion files take."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Find out before ROS is started that its environment variables or the network let nothing work.
+Check the environment variables of ROS and the network, before ROS is started.
 
 This module does not need ROS: the middleware must be checked before ``rclpy`` is imported.
 """

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What to write is said where people write it in another way."""
+"""A motion file with a common mistake is refused with the right spelling."""
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.library import loads

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What environment variables and the network let ROS do is found out before it is started."""
+"""Environment variables and the network are checked before ROS is started."""
 
 import os
 from pathlib import Path
