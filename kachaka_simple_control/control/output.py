@@ -56,7 +56,7 @@ def open_closed_streams() -> None:
 
 
 def escape_unencodable() -> None:
-    """Print what the terminal's encoding lacks as an escape sequence; it is an error otherwise."""
+    """Let this process print what its encoding lacks as escape sequences, not fail."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors='backslashreplace')
@@ -134,7 +134,9 @@ def print_result(text: str, name: str) -> None:
     :raises RunFaultError: if the text cannot be written, such as to a full disk
     """
     problem = None
-    escape_unencodable()
+    # A script's own stream stays as it is.
+    encoding = getattr(sys.stdout, 'encoding', None) or 'utf-8'
+    text = text.encode(encoding, 'backslashreplace').decode(encoding)
     try:
         print(text, flush=True)
     except OSError as error:

@@ -19,12 +19,13 @@ This module also reads and checks parameters on a command line.  It does not nee
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from difflib import get_close_matches
 from itertools import pairwise
 from typing import Any
 
+from kachaka_simple_control.control.end_check import EndTolerance
 from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
 from kachaka_simple_control.control.timing import MAX_RATE, min_rate
 from kachaka_simple_control.errors import UsageError
@@ -38,10 +39,11 @@ QOS_OVERRIDES_PREFIX = 'qos_overrides.'
 
 def _parameter(
         default: Any, description: str, lowest: float = 0.0, highest: float = 0.0,
-        unit: str = '', read_only: bool = True) -> Any:
+        unit: str = '', read_only: bool = True,
+        parse: Callable[[str], object] | None = None) -> Any:
     return field(default=default, metadata={
         'description': description, 'range': (lowest, highest) if highest else None,
-        'unit': unit, 'read_only': read_only})
+        'unit': unit, 'read_only': read_only, 'parse': parse})
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ class NodeParameters:
         '0: as the motion says', 0.0, 1.0, 'm')
     within: str = _parameter(
         '', 'How far from its plan a drive may end by odometry, as in 2cm or 2cm,3deg; farther is '
-        'a fault. Empty: a warning beyond 2 cm or 3 degrees')
+        'a fault. Empty: a warning beyond 2 cm or 3 degrees', parse=EndTolerance.parse)
     summary: bool = _parameter(
         False, 'Record what is sent and what odometry reports, for the table at the end')
 

@@ -22,7 +22,6 @@ import platform
 import time
 from typing import Any
 
-from kachaka_simple_control.control.end_check import EndTolerance
 from kachaka_simple_control.control.events import SessionStarted
 from kachaka_simple_control.control.timing import MAX_RATE, min_rate
 from kachaka_simple_control.errors import UsageError
@@ -66,10 +65,6 @@ def declare_parameters(
             node, parameter, defaults.get(parameter.name, parameter.default),
             ranges.get(parameter.name, parameter.metadata['range']))
         for parameter in others}
-    try:
-        EndTolerance.parse(values['within'] or '0 m')
-    except UnitError as error:
-        raise UsageError(f'parameter within is {error}') from None
     return profile, NodeParameters(robot=name, **values)
 
 
@@ -98,16 +93,20 @@ def _declare(
             FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
     # Users write rate:=20, and rclpy would refuse an integer for a double parameter; nor would it
     # say of within:=0.05 that a unit is missing.
-    is_text = parameter.name == 'within'
-    descriptor.dynamic_typing = bool(bounds) or is_text
+    parse = parameter.metadata['parse']
+    descriptor.dynamic_typing = bool(bounds or parse)
     # The range is set after the check, because the text of rclpy's refusal has no unit.
     first = ParameterDescriptor(dynamic_typing=True) if bounds else descriptor
     try:
         value = node.declare_parameter(parameter.name, default, first).value
     except ParameterException as error:
         raise UsageError(escaped(error)) from None
-    if is_text:
-        return str(value)
+    if parse and (text := str(value)):
+        try:
+            parse(text)
+        except UnitError as error:
+            raise UsageError(f'parameter {parameter.name} is {error}') from None
+        return text
     if bounds:
         value = _number(parameter, value, bounds)
         node.set_descriptor(parameter.name, descriptor)
