@@ -53,12 +53,7 @@ from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.motion.steps import Motion, Move, Step
 from kachaka_simple_control.motion.units import require_number
 from kachaka_simple_control.ros.commander import Commander
-from kachaka_simple_control.ros.dds_transport import (
-    start_on_this_machine,
-    use_udp_transport,
-    will_share_memory,
-)
-from kachaka_simple_control.ros.environment import check_environment, use_log_folder
+from kachaka_simple_control.ros.dds_transport import start_on_this_machine, use_udp_transport
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.introspection import IntrospectionPublishers
 from kachaka_simple_control.ros.names import INTROSPECTION_TOPICS, names_of
@@ -66,7 +61,7 @@ from kachaka_simple_control.ros.node_parameters import require_no_parameter
 from kachaka_simple_control.ros.odometry import subscribe_to_odometry
 from kachaka_simple_control.ros.parameters import declare_parameters, warn_of_unknown
 from kachaka_simple_control.ros.session import Session
-from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
+from kachaka_simple_control.ros.startup import check_node_names, ensure_started, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import taken_type, VelocityPublisher
 from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.telemetry.event_bus import EventBus
@@ -130,25 +125,12 @@ class KachakaSimpleControl(Node):
             start_on_this_machine(self)
             parameter_defaults = {'summary': True, **(parameter_defaults or {})}
         self._simulation: OwnSimulation | None = None
-        is_initialized = rclpy.ok(context=node_options.get('context'))
-        shares_memory = is_initialized and will_share_memory()
-        use_udp_transport()
-        check_environment()
-        log_warning = None
-        if not is_initialized:
-            log_warning = use_log_folder()
-            rclpy.init(context=node_options.get('context'))
+        warnings = ensure_started(node_options.get('context'))
         make_log_nonblocking()
         with one_line_errors(NAME):
             super().__init__(NAME, **node_options)
-        if log_warning is not None:
-            self.get_logger().warning(log_warning)
-        if shares_memory:
-            self.get_logger().warning(
-                'ROS_AUTOMATIC_DISCOVERY_RANGE is LOCALHOST, and rclpy.init() was called before '
-                'this node was made: DDS uses shared memory, in which a process that is killed '
-                'delays velocities and stops by 0.3 s; make this node first: it calls '
-                'rclpy.init()')
+        for warning in warnings:
+            self.get_logger().warning(warning)
         try:
             self._set_up(parameter_defaults or {}, sim)
         except BaseException:

@@ -24,6 +24,7 @@ import sys
 
 from kachaka_simple_control.control.output import print_only_on_success
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.ros.dds_transport import use_udp_transport, will_share_memory
 from kachaka_simple_control.ros.environment import check_environment, use_log_folder
 from kachaka_simple_control.ros.names import (
     MAX_NAME_LENGTH,
@@ -35,6 +36,7 @@ from kachaka_simple_control.ros.names import (
 from kachaka_simple_control.ros.parameter_files import check_parameter_files
 from kachaka_simple_control.text import escaped, quoted
 import rclpy
+from rclpy.context import Context
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
@@ -72,6 +74,29 @@ def start_ros(arguments: Sequence[str]) -> None:
     """
     with _checked(arguments):
         rclpy.init(args=[*arguments], signal_handler_options=SignalHandlerOptions.NO)
+
+
+def ensure_started(context: Context | None) -> list[str]:
+    """
+    Initialise ROS for a node, unless the program has done so.
+
+    :param context: the ROS context of the node; None for the default one
+    :returns: warnings for the log of the node
+    :raises UsageError: if an environment variable lets nothing work, or there is no network
+    """
+    is_started, warnings = rclpy.ok(context=context), []
+    if is_started and will_share_memory():
+        warnings.append(
+            'ROS_AUTOMATIC_DISCOVERY_RANGE is LOCALHOST, and rclpy.init() was called before this '
+            'node was made: DDS uses shared memory, in which a process that is killed delays '
+            'velocities and stops by 0.3 s; make this node first: it calls rclpy.init()')
+    use_udp_transport()
+    check_environment()
+    if not is_started:
+        if warning := use_log_folder():
+            warnings.append(warning)
+        rclpy.init(context=context)
+    return warnings
 
 
 def strip_ros_arguments(arguments: Sequence[str]) -> list[str]:
