@@ -54,10 +54,11 @@ def confirm(floor_size: str, before: str = '') -> None:
     """
     if not sys.stdin.isatty():
         raise UsageError('a robot will move: pass --yes, for there is no terminal to ask at')
-    print(f'\nThe robot needs {floor_size} of free floor.  {before}Enter drives, n or Ctrl+C '
-          'ends.', flush=True)
+    print(f'\nThe robot needs {floor_size} of free floor.  {before}', end='', flush=True)
+    # Before the rest of the question: what is typed once it can be read is the answer.
     with contextlib.suppress(OSError, termios.error):
         termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+    print('Enter drives, n or Ctrl+C ends.', flush=True)
     answer = read_answer()
     if not answer or answer.strip().lower() not in CONSENT:
         raise UsageError('not confirmed: nothing was driven')

@@ -15,8 +15,9 @@
 
 import sys
 
+from kachaka_simple_control.commands.drive_or_preview import confirm
 import pytest
-from terminals import at_terminal
+from terminals import at_terminal, Typed
 
 pytestmark = pytest.mark.real_time
 
@@ -47,7 +48,8 @@ def asked(pause=0.0):
 @pytest.mark.parametrize('typed', [b'\r', b'y\r', b'Yes\r', b' yes \r'])
 def test_consent_drives(typed):
     with asked() as shown:
-        shown.wait_for_text('The robot needs 1.00 m x 2.00 m of free floor.  Mark it.  Enter')
+        shown.wait_for_text(
+            'The robot needs 1.00 m x 2.00 m of free floor.  Mark it.  Enter drives')
         shown.press(typed)
         assert shown.end() == 0
         assert 'drives' in shown.screen.above
@@ -57,7 +59,7 @@ def test_consent_drives(typed):
     (b'n\r', 2), (b'no\r', 2), (b'q\r', 2), (b'x\r', 2), (b'\x04', 2), (b'\x03', 130)])
 def test_everything_else_refuses(typed, code):
     with asked() as shown:
-        shown.wait_for_text('of free floor')
+        shown.wait_for_text('Enter drives')
         shown.press(typed)
         assert shown.end() == code
         assert 'drives' not in shown.screen.above
@@ -67,16 +69,27 @@ def test_what_was_typed_before_the_question_is_no_answer():
     with asked(pause=0.5) as shown:
         shown.wait_for_text('begun')
         shown.press(b'\r\ryes\r')
-        shown.wait_for_text('of free floor')
+        shown.wait_for_text('Enter drives')
         shown.read_for(0.5)
         assert shown.process.poll() is None
         shown.press(b'n\r')
         assert shown.end() == 2
 
 
+def test_what_is_typed_once_the_question_can_be_read_is_the_answer(monkeypatch, capsys):
+    monkeypatch.setattr('sys.stdin', Typed('y\n'))
+    monkeypatch.setattr(
+        'termios.tcflush', lambda *_: print('/'.join(capsys.readouterr()), file=sys.stderr))
+    confirm('1.00 m x 2.00 m')
+    shown = capsys.readouterr()
+    assert 'of free floor' in shown.err
+    assert 'Enter' not in shown.err
+    assert 'Enter drives' in shown.out
+
+
 def test_ctrl_c_ends_it_if_the_signal_interrupts_no_read():
     # Another thread takes the signal here; a signal just before the read has the same effect.
     with at_terminal([sys.executable, '-c', ASK_BESIDE_A_THREAD], 100, 20) as shown:
-        shown.wait_for_text('of free floor')
+        shown.wait_for_text('Enter drives')
         shown.press(b'\x03')
         assert shown.end() == 130
