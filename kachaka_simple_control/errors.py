@@ -50,7 +50,7 @@ class RobotTakenError(RobotNotFoundError):
     """
     Another program already drives the robot, or another bridge uses the same ROS names.
 
-    A bridge is a program that connects a robot to ROS.  This program has not moved the robot.
+    This program has not moved the robot.
     """
 
 
@@ -96,8 +96,6 @@ def control_error(error: BaseException) -> ControlError:
     Convert the error that ends a motion to a ``ControlError``, and return it.
 
     A ``ControlError`` is returned unchanged.
-
-    :param error: any error
     """
     if isinstance(error, ControlError):
         return error
@@ -151,11 +149,7 @@ class InvalidMotionError(ControlError, ValueError):
         return InvalidMotionError(self.message, path, self.name)
 
     def by(self, whose: str) -> InvalidMotionError:  # noqa: ARG002 (LimitError uses it)
-        """
-        Return the error unchanged; only the message of a ``LimitError`` says whose limit it is.
-
-        :param whose: not used
-        """
+        """Return the error unchanged; only that of a ``LimitError`` says whose limit it is."""
         return self
 
 
@@ -163,9 +157,6 @@ class LimitError(InvalidMotionError):
     """
     A value is beyond a limit; the robot has not moved.
 
-    :param value: the value
-    :param unit: the unit of the value and of the limits
-    :param highest: the highest allowed value
     :param lowest: the lowest allowed value; None if there is no lower limit
     :param whose: whose limit it is, as written in the message, for example ``the robot's`` in
         ``above the robot's limit``

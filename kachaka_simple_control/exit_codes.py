@@ -46,8 +46,6 @@ def code_of(error: BaseException) -> int:
 
     The code is 2 for an invalid motion or option, 3 if no robot is ready or another program drives
     the robot, and 1 for any other error.
-
-    :param error: the error
     """
     if isinstance(error, (InvalidMotionError, UsageError)):
         return BAD_USAGE
@@ -75,11 +73,7 @@ class OneLineParser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r'-\.?[0-9]')
 
     def set_completers(self, completers: Mapping[str, Callable[..., list[str]]]) -> None:
-        """
-        Set the functions with which argcomplete completes the arguments in a shell.
-
-        :param completers: the function for each argument, by the name of the argument
-        """
+        """Set the functions with which argcomplete completes the arguments in a shell."""
         for action in self._actions:
             if action.dest in completers:
                 action.completer = completers[action.dest]  # type: ignore[attr-defined]
@@ -90,8 +84,6 @@ class OneLineParser(argparse.ArgumentParser):
 
         If the message is about an unknown option, it says what to write instead: a similar option,
         the advice of this parser, or ``--ros-args`` before an argument for ROS.
-
-        :param message: the message
         """
         word = message.removeprefix('unrecognized arguments: ').partition('=')[0].partition(' ')[0]
         if word != message.partition('=')[0].partition(' ')[0]:

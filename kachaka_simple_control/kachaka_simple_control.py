@@ -94,10 +94,7 @@ class KachakaSimpleControl(Node):
     Positive ``linear_x`` is forward [m/s], positive ``angular_z`` turns left [rad/s] (REP-103).
     The robot is stopped before the program ends, also after a signal or an exception.
 
-    :ivar profile: the profile of the robot: its ROS names, its limits and its outline
-    :ivar node_parameters: the values of the node's parameters
     :ivar event_bus: passes the events of each drive, such as sent velocities, to displays and logs
-    :ivar session: the connection with the robot, for internal use in this package
     :ivar commander: the functions that ROS services and the keyboard call to pause, resume and
         stop; for internal use in this package
     :ivar publisher: the publisher of velocities, for inspection only; its ``publish()`` always
@@ -116,7 +113,6 @@ class KachakaSimpleControl(Node):
             parameters, by parameter name
         :param sim: whether to start a simulated robot, which is visible only on this machine; when
             the node is closed, a table with the results of the drive is printed
-        :param node_options: options of ``rclpy.node.Node``, for example ``namespace``
         :raises UsageError: if the value of a parameter, or a ROS name, is invalid, or a parameter
             is among the options
         """
@@ -200,10 +196,10 @@ class KachakaSimpleControl(Node):
         """
         Drive at a velocity for an exact duration, then send a zero velocity and return.
 
-        Before the first movement, this method waits for the robot and enables its manual control,
-        the mode in which the robot follows velocities.  If no movement follows at once, more zero
-        velocities are sent, to make sure that the robot stops.  Odometry does not correct this
-        movement, even if the parameter ``closed_loop`` is set.
+        Before the first movement, this method waits for the robot and enables its manual control.
+        If no movement follows at once, more zero velocities are sent, to make sure that the robot
+        stops.  Odometry does not correct this movement, even if the parameter ``closed_loop`` is
+        set.
 
         :param linear_x: forward velocity [m/s], negative backwards
         :param angular_z: turning velocity [rad/s], positive to the left
@@ -234,9 +230,8 @@ class KachakaSimpleControl(Node):
         the motion.  At the end of the motion, the heading is corrected with odometry, too.  If the
         parameter ``corners`` is above 0, it replaces the motion's ``corners``.
 
-        Before the first drive, this method waits for the robot and enables its manual control, the
-        mode in which the robot follows velocities.  If no drive follows at once, more zero
-        velocities are sent, to make sure that the robot stops.
+        Before the first drive, this method waits for the robot and enables its manual control.  If
+        no drive follows at once, more zero velocities are sent, to make sure that the robot stops.
 
         :param motion: the motion, a list of steps, the name of a motion of the package such as
             ``square``, or the path of a motion file, whose limits and rate are then the defaults
@@ -365,11 +360,7 @@ class KachakaSimpleControl(Node):
 
     @property
     def is_heard(self) -> bool:
-        """
-        Whether the velocity publishers of this node and of the guardian both have a subscriber.
-
-        The guardian is a separate process that stops the robot if this program cannot.
-        """
+        """Whether the publishers of this node and of the guardian both have a subscriber."""
         return self.session.has_subscriber
 
     @property
@@ -404,8 +395,6 @@ class KachakaSimpleControl(Node):
 
         The text is empty, unless the drive was clearly longer than planned: by more than
         MAX_LATENESS plus the time between two velocity messages.
-
-        :param driven: the plan of the drive
         """
         assert self.session.gate.run is not None
         took = time.monotonic() - self.session.gate.run.began
@@ -470,11 +459,7 @@ class _SignalHandler:
         self._guard_condition = node.create_guard_condition(lambda: None)
 
     def on_signal(self, signum: int) -> None:
-        """
-        Stop the robot at once, and refuse all later motions; called in a separate thread.
-
-        :param signum: the number of the signal
-        """
+        """Stop the robot at once, and refuse all later motions; called in a separate thread."""
         name = signal.Signals(signum).name
         self._node.session.stop_permanently(MotionStoppedError(f'stopped by {name}'))
 
@@ -495,8 +480,6 @@ class _SignalHandler:
         The robot must be stopped, because another thread can still be driving it.  After a
         ``MotionRunningError``, the robot is not stopped: this error means that a motion of another
         thread must continue.
-
-        :param error: the exception
         """
         if isinstance(error, MotionRunningError):
             return
@@ -519,8 +502,6 @@ def play_lesson(robot_control: KachakaSimpleControl) -> None:
 
     The lesson is defined only here.  The options ``--plan`` and ``--list`` and the report read the
     movements from this function.
-
-    :param robot_control: the node that drives the robot
     """
     robot_control.move_robot(0.0, 0.0, 1.0)  # stand still for 1 s
     robot_control.move_robot(0.1, 0.0, 1.0)  # forward at 0.1 m/s for 1 s

@@ -40,9 +40,6 @@ def run_command(
     An error about a file may have several lines.  If the function fails, and then the stop of the
     robot fails too, both errors are printed.
 
-    :param body: the function that does the work of the command
-    :param name: the name of the command, which is printed before the error
-    :param moves_robot: whether the function can move a robot
     :returns: the exit code; after a signal, always 128 plus the number of the signal
     """
     code = DONE
@@ -87,7 +84,6 @@ def _line_of_lesson(error: Exception) -> str:
     """
     Return the line of the function ``play_lesson`` in which an error was raised.
 
-    :param error: the error
     :returns: the place as ``file:line``; an empty text if the error was not raised there
     """
     frames = traceback.extract_tb(error.__traceback__)

@@ -53,7 +53,6 @@ def quoted(text: str, max_length: int = 40) -> str:
     """
     Return a text in quotes and with escape sequences, as in Python source.
 
-    :param text: the text
     :param max_length: the largest length of the text before it is escaped [characters]; a longer
         text is cut and ends with three dots
     """
@@ -61,12 +60,7 @@ def quoted(text: str, max_length: int = 40) -> str:
 
 
 def format_fixed(value: float, digits: int) -> str:
-    """
-    Return a number as text with a fixed number of decimal places; zero has no minus sign.
-
-    :param value: the number
-    :param digits: the number of decimal places
-    """
+    """Return a number as text with a fixed number of decimal places; zero has no minus sign."""
     return f'{round(value, digits) + 0.0:.{digits}f}'
 
 
@@ -74,8 +68,6 @@ def pluralize(count: int, singular: str, plural: str | None = None) -> str:
     """
     Return a count with a noun, as in ``1 step`` or ``2 steps``.
 
-    :param count: the count
-    :param singular: the noun in the singular
     :param plural: the noun in the plural; None to add an s to the singular
     """
     return f'{count} {singular if count == 1 else plural or singular + "s"}'
@@ -87,7 +79,6 @@ def one_line(text: str, width: int) -> str:
 
     Line breaks become spaces, and every unprintable character becomes a question mark.
 
-    :param text: the text
     :param width: the largest width [columns of a terminal]
     """
     line = ' '.join(text.split())

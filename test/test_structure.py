@@ -28,7 +28,11 @@ from package import low
 
 
 def function():
-    """Return text."""
+    """
+    Return text.
+
+    It has two lines.
+    """
     from package.high.one import ONE
     return """two
 lines""" + ONE
@@ -68,4 +72,5 @@ def test_a_small_package_is_counted_as_the_tool_says(package, monkeypatch):
     # Arrows: package - top - low, top - high - low, high - deep - high.  Floors: high and deep
     # are a circle, so package, top, high, low.
     assert structure(package) == {
-        'rooms': 5, 'arrows': 6, 'floors': 4, 'modules': 6, 'code lines': 17}
+        'rooms': 5, 'arrows': 6, 'floors': 4, 'modules': 6, 'code lines': 17,
+        'docstring lines': 8}

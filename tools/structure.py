@@ -15,11 +15,11 @@
 Print metrics of the package's structure: ``structure.py [CHECKOUT]``; default: this checkout.
 
 A *module* is a Python file with more than a docstring.  *Code lines* are the lines of all Python
-files without blank lines, comments and docstrings.  A *room* is a folder of the package with the
-modules directly in it; in the package's top folder, each module is a room, and so is its
-``__init__``.  An *arrow* is an import from one room by another room; imports in functions and
-under ``TYPE_CHECKING`` count.  *Floors* is the number of rooms in the longest chain of arrows,
-where rooms with cyclic imports count as one room.
+files without blank lines, comments and docstrings; *docstring lines* are not blank either.  A
+*room* is a folder of the package with the modules directly in it; in the package's top folder,
+each module is a room, and so is its ``__init__``.  An *arrow* is an import from one room by
+another room; imports in functions and under ``TYPE_CHECKING`` count.  *Floors* is the number of
+rooms in the longest chain of arrows, where rooms with cyclic imports count as one room.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def main() -> None:
     """Print the metrics of a checkout."""
     checkout = Path(*sys.argv[1:2]) if sys.argv[1:] else Path(__file__).resolve().parent.parent
     for name, figure in structure(checkout / PACKAGE).items():
-        print(f'{name:10} {figure:6}')
+        print(f'{name:15} {figure:6}')
 
 
 def structure(package: Path) -> dict[str, int]:
@@ -61,7 +61,8 @@ def structure(package: Path) -> dict[str, int]:
     arrows = {(one, other) for one, other in arrows if one != other and {one, other} <= rooms}
     return {
         'rooms': len(rooms), 'arrows': len(arrows), 'floors': _floors(rooms, arrows),
-        'modules': len(modules), 'code lines': sum(map(_code_lines, texts.values()))}
+        'modules': len(modules), 'code lines': sum(map(_code_lines, texts.values())),
+        'docstring lines': sum(map(_docstring_size, texts.values()))}
 
 
 def _name(package: Path, path: Path) -> str:
@@ -114,12 +115,23 @@ def _code_lines(text: str) -> int:
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type not in NO_CODE:
             lines.update(range(token.start[0], token.end[0] + 1))
+    return len(lines - _docstring_lines(text))
+
+
+def _docstring_lines(text: str) -> set[int]:
+    """Return the numbers of the lines of all docstrings."""
+    numbers: set[int] = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) \
                 and ast.get_docstring(node, clean=False) is not None:
             docstring = node.body[0]
-            lines -= set(range(docstring.lineno, (docstring.end_lineno or 0) + 1))
-    return len(lines)
+            numbers.update(range(docstring.lineno, (docstring.end_lineno or 0) + 1))
+    return numbers
+
+
+def _docstring_size(text: str) -> int:
+    lines = text.splitlines()
+    return sum(bool(lines[number - 1].strip()) for number in _docstring_lines(text))
 
 
 if __name__ == '__main__':

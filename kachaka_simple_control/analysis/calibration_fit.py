@@ -69,7 +69,6 @@ class CalibrationFit:
     :param gains: the true velocity divided by the sent velocity, for each direction: forward,
         backward, left, right
     :param veer: the unwanted turn for each metre forwards [rad/m], positive to the left
-    :param delay: the delay between a command and the movement [s]: the dead time plus the lag
     :param position_noise: the standard deviation of odometry's position along one axis while the
         robot stands still [m]
     :param heading_noise: the standard deviation of odometry's heading while the robot stands still
@@ -101,8 +100,6 @@ class Rest(NamedTuple):
     """
     The mean odometry pose of a robot that stands still, and the noise of this odometry.
 
-    :param pose: the mean pose
-    :param samples: the number of odometry samples in the mean
     :param position_noise: the standard deviation of the samples' positions along one axis [m]
     :param heading_noise: the standard deviation of the samples' headings [rad]
     """
@@ -117,9 +114,8 @@ class _Drive(NamedTuple):
     """
     The gain, the veer and the delay in one step of a motion, computed from odometry.
 
-    The direction is forward, backward, left or right.  The gain is the displacement in odometry
-    divided by the requested displacement.  The veer is the unwanted turn for each metre [rad/m];
-    it is None for a turn in place.  The delay is the time between a command and the movement [s].
+    The direction is forward, backward, left or right.  The veer is the unwanted turn for each
+    metre [rad/m]; it is None for a turn in place.
     """
 
     direction: str
@@ -134,15 +130,12 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
 
     In this motion, the robot stands still before and after each movement.
 
-    The gain is the displacement in odometry divided by the requested displacement.  The
-    displacement in odometry is measured between two mean poses: one from the standstill before the
-    movement, and one from the standstill after it.
+    The displacement in odometry is measured between two mean poses: one from the standstill before
+    the movement, and one from the standstill after it.
 
-    The delay is the mean time between a sent velocity and the movement in odometry.  For a robot
-    that waits for a dead time and then responds like a low-pass filter, the delay is the dead time
-    plus the time constants of the filter.
+    For a robot that waits for a dead time and then responds like a low-pass filter, the delay is
+    the dead time plus the time constants of the filter.
 
-    :param log: the log of the drive
     :returns: the gains, the veer and the delay with their standard errors, and the noise of
         odometry; the veer is the unwanted turn for each metre
     :raises CalibrationError: if the drive was not completed at the planned speed, or a result is
@@ -178,8 +171,6 @@ def completed_steps(log: DriveLog) -> list[StepLog]:
     """
     Return the steps of a drive if it was completed at the planned speed; else raise an error.
 
-    :param log: the log of the drive
-    :returns: the steps, in order, each with its sent velocities
     :raises CalibrationError: if the drive was not completed, or was paused or slowed down
     """
     steps = log.steps
@@ -194,10 +185,6 @@ def find_rest(odometry: Sequence[OdometryReceived], step: StepLog) -> Rest:
     """
     Return the mean pose and the noise of odometry in the last second of a rest.
 
-    A rest is a step in which the robot stands still.
-
-    :param odometry: the odometry samples of the drive that have plausible values
-    :param step: the rest
     :raises CalibrationError: if there are too few odometry samples in this second, or the robot
         did not stand still
     """
@@ -230,16 +217,8 @@ def _drive(
     """
     Compute the gain, the veer and the delay of one moving step from odometry.
 
-    The gain is the displacement in odometry divided by the requested displacement.  The veer is
-    the unwanted turn for each metre.  The delay is the time between a command and the movement.  A
-    rest, a step in which the robot stands still, comes before and after the moving step.
+    A rest, a step in which the robot stands still, comes before and after the moving step.
 
-    :param odometry: the odometry samples of the drive that have plausible values
-    :param sent: the path of a robot that follows the sent velocities exactly
-    :param step: the moving step
-    :param before: the mean pose and the noise of odometry in the rest before the step
-    :param after: the mean pose and the noise of odometry in the rest after the step
-    :param end: the time at which the rest after the step ends [s on the steady clock]
     :raises CalibrationError: if the gain is out of range
     """
     is_straight = step.step.displacement.distance != 0.0
@@ -276,17 +255,8 @@ class _StepExtent(NamedTuple):
     It is a distance [m] if the step is straight, or an angle [rad] if the step is a turn in place.
     It is positive in the requested direction: in a step backwards, 1 m backwards is +1 m.
 
-    :param direction: forward, backward, left or right
-    :param requested: the requested displacement
-    :param reported: the displacement in odometry, from the standstill before the step to the
-        standstill after the step
-    :param error: the standard error of the reported displacement
     :param veer: the unwanted turn in odometry for each metre forwards [rad/m]; None if the step is
         a turn in place
-    :param sent_distance: a function that takes a pose of a robot that follows the sent velocities
-        exactly, and returns the displacement from the start of the step to this pose
-    :param reported_distance: a function that takes a pose from odometry, and returns the
-        displacement from the start of the step to this pose
     """
 
     direction: str
@@ -333,11 +303,6 @@ def _error(before: Rest, after: Rest, noise: str) -> float:
     """
     Return the standard error of the difference between the mean poses of two rests.
 
-    A rest is a step in which the robot stands still.
-
-    :param before: the mean pose and the noise of odometry in the first rest
-    :param after: the mean pose and the noise of odometry in the second rest
-    :param noise: the name of the noise to use: ``position_noise`` or ``heading_noise``
     :returns: the standard error of the position along one axis [m], or of the heading [rad]
     """
     return math.hypot(*(

@@ -101,7 +101,6 @@ class PlanTimeline:
         """
         Return the index of the first velocity message at or after a given progress.
 
-        :param plan_time: the progress in seconds of the plan
         :returns: the index; if there is no such message, the number of messages
         """
         if self.is_delayed:
@@ -113,7 +112,6 @@ class PlanTimeline:
         """
         Return the time at which the motion first reaches a given progress.
 
-        :param plan_time: the progress in seconds of the plan
         :returns: the time [s on the steady clock]; extrapolated if the last message is earlier
         """
         if not self.is_delayed:
@@ -121,12 +119,7 @@ class PlanTimeline:
         return _interpolated(self._plan_times, self._times, plan_time, self.first(plan_time))
 
     def plan_time(self, time: float) -> float:
-        """
-        Return the progress of the motion at a time.
-
-        :param time: the time [s on the steady clock]
-        :returns: the progress in seconds of the plan
-        """
+        """Return the progress of the motion at a time."""
         if not self.is_delayed:
             return time - self._began
         return _interpolated(self._times, self._plan_times, time, bisect_right(self._times, time))
@@ -138,11 +131,6 @@ def _interpolated(arguments: Sequence[float], values: Sequence[float], argument:
     Return the value of a function at an argument, interpolated linearly between known points.
 
     Before the first and after the last known point, the function is continued with a slope of one.
-
-    :param arguments: the arguments of the known points, in ascending order
-    :param values: the function values of the known points, in the same order
-    :param argument: the argument at which to compute the function
-    :param index: the index in ``arguments`` at which ``argument`` would be inserted
     """
     if index in (0, len(arguments)):
         nearest = max(0, index - 1)
@@ -157,7 +145,6 @@ class StepLog:
     """
     A started step of a motion, and the velocity messages that were sent in it.
 
-    :param planned: the step with its planned times
     :param began: the time at which the motion reached the start of the step [s on the steady
         clock]
     :param sent: the messages sent in the step, and the first message after them, which ends the
@@ -195,7 +182,6 @@ class MotionLog:
     """
     The log of one motion: its definition, its sent velocity messages, and how it ended.
 
-    :param planned: the event ``MotionPlanned``, which contains the motion, the limits and the rate
     :param sent: all messages since the motion was planned, in order: the zero velocities before
         the motion, the velocities of the motion, and the zero velocities of the stop
     :param began: the time t = 0 of the motion [s on the steady clock]; nan before the start

@@ -28,10 +28,7 @@ class CutCorner(NamedTuple):
     """
     A corner of a flow, and the shorter one of its two legs.
 
-    A flow is a run of steps that the robot drives without a stop.
-
     :param number: the number of the corner in the plan, from 1
-    :param cut: how much the corner is cut
     :param leg: the length, as requested, of the leg of which less is left beside the corner [m]
     """
 
@@ -41,13 +38,7 @@ class CutCorner(NamedTuple):
 
 
 def is_in_flow(step: PlannedStep) -> bool:
-    """
-    Return whether the path of a step depends on its neighbours, because they are one flow.
-
-    A flow is a run of steps that the robot drives without a stop.
-
-    :param step: the planned step
-    """
+    """Return whether the path of a step depends on its neighbours, because they are one flow."""
     return any(isinstance(path, (ChainPath, FlowLeg)) for path in step.trajectories)
 
 
@@ -57,8 +48,6 @@ def repetition_key(step: PlannedStep) -> Hashable:
 
     In a flow, which the robot drives without a stop, a repetition can differ from another one,
     because it has other neighbours.
-
-    :param step: the planned step
     """
     if not is_in_flow(step):
         return step.path
@@ -66,11 +55,7 @@ def repetition_key(step: PlannedStep) -> Hashable:
 
 
 def cut_corners(plan: Plan) -> Iterator[CutCorner]:
-    """
-    Yield the corners of a plan, in order, each with the shorter one of its legs.
-
-    :param plan: the plan
-    """
+    """Yield the corners of a plan, in order, each with the shorter one of its legs."""
     number = 0
     for index, step in enumerate(plan.steps):
         if step.cut is None:

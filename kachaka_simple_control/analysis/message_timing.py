@@ -54,7 +54,6 @@ def quantile(values: Sequence[float], part: float) -> float:
 
     :param values: at least one number, in any order; may contain infinity
     :param part: the fraction, from 0 to 1; 0 gives the smallest number, and 1 the largest
-    :returns: the quantile, interpolated between the two nearest numbers
     """
     ordered = sorted(values)
     place = part * (len(ordered) - 1)
@@ -80,10 +79,8 @@ class Timing:
     """
     The timing accuracy of the velocity messages of a drive.
 
-    A tick is a time at which a plan requires a message.  The period is the time between two
-    messages.
+    The period is the time between two messages.
 
-    :param due: the number of ticks
     :param late: the number of ticks whose message was sent too early or too late, by at least 1/4
         and at most 1/2 of the period
     :param lost: the number of ticks without a message up to 1/2 of the period before or after
@@ -116,8 +113,6 @@ def timing(motions: Sequence[MotionLog]) -> Timing:
     The sent times are compared with the times that the plans require.  For each motion, the
     comparison ends before the first message that a pause or a reduced speed delayed.  Motions that
     never started do not count.
-
-    :param motions: the logs of the motions
     """
     late = lost = due = unjudged = 0
     interval_errors: list[float] = []
@@ -151,11 +146,9 @@ def due_times(plan: Plan, until: float) -> list[float]:
     """
     Return the times at which a plan requires messages.
 
-    A segment of a plan is a time interval with a constant velocity.  The plan requires a message
-    at the start of each segment, and then after each period until the end of the segment.  The
-    zero velocity at the end of the plan is not included.
+    The plan requires a message at the start of each segment, and then after each period until the
+    end of the segment.  The zero velocity at the end of the plan is not included.
 
-    :param plan: the plan
     :param until: leave out times at or after this one [s after t = 0]
     :returns: the times [s after t = 0], in order
     """
@@ -177,11 +170,6 @@ def _sent_at(due: Sequence[float], messages: Sequence[VelocitySent],
     """
     Return, for each tick, when its message was sent.
 
-    A tick is a time at which the plan requires a message.
-
-    :param due: the ticks [s after t = 0], in order
-    :param messages: the sent messages, in order
-    :param began: the time t = 0 [s on the steady clock]
     :returns: the time at which the message of each tick was sent [s after t = 0], in the order of
         the ticks; None for a tick without a message
     """

@@ -101,7 +101,6 @@ class MotionStart:
 
     The time t = 0 of a drive is the start of its first motion.
 
-    :param motion: the log of the motion
     :param pose: the start pose, relative to the robot's pose at t = 0 of the drive.  It is equal
         to the planned end pose of the previous motion.  If the previous motion ended early, the
         start pose is computed from the sent velocities instead
@@ -121,7 +120,6 @@ class OdometrySample(NamedTuple):
     followed the sent velocities exactly.
 
     :param time: the time of the sample [s after t = 0 of the drive]
-    :param pose: the pose, relative to the robot's pose at t = 0
     :param received: the sample as it was received, with the pose in the frame of odometry
     :param distance: the distance between the pose and the expected pose [m]
     :param angle: the heading minus the expected heading [rad], positive to the left
@@ -142,8 +140,6 @@ class AlignedDrive:
     the odometry frame.  At one sample, the transformed pose is set equal to the pose that is
     computed from the sent velocities.  This is the last sample before t = 0.  If there is none, it
     is the first sample after t = 0.
-
-    :param log: the log of the drive
     """
 
     def __init__(self, log: DriveLog) -> None:
@@ -188,7 +184,6 @@ class AlignedDrive:
 
         The time t = 0 of the drive is the start of its first motion.
 
-        :param start: the start of the motion
         :param plan_times: the points, each as the progress in seconds of the plan
         :returns: the times [s after t = 0 of the drive]
         """

@@ -61,12 +61,7 @@ PATH_PERIOD = 0.1
 
 @dataclass(frozen=True)
 class FloorFit:
-    """
-    The calibration of odometry from a straight line of 1 m and a turn in place of 360 degrees.
-
-    :param scale: the true distance divided by the distance in odometry
-    :param track_ratio: the true wheel separation divided by the one that odometry uses
-    """
+    """The calibration of odometry from a straight line of 1 m and a turn of 360 degrees."""
 
     scale: Estimate
     track_ratio: Estimate
@@ -76,11 +71,6 @@ def reported_path(log: DriveLog) -> list[Pose]:
     """
     Return the odometry poses of a drive that starts and ends with a rest.
 
-    A rest is a step in which the robot stands still.
-
-    :param log: the log of the drive
-    :returns: a list: the mean pose in the first rest, then the poses between the two rests at
-        intervals of at least 0.1 s, and then the mean pose in the last rest
     :raises CalibrationError: if the drive was not completed at the planned speed, if it does not
         start and end with a rest, or if odometry does not show standstill in these rests
     """
@@ -116,9 +106,8 @@ def fit_floor(reported_distance: float, measured_distance: float, reported_angle
     """
     Compute the scale and the track ratio of odometry from a straight line and a turn in place.
 
-    The scale is the true distance divided by the distance in odometry.  The track ratio is the
-    true wheel separation divided by the one that odometry uses.  The track ratio is computed as
-    ``scale * reported_angle / measured_angle``.
+    The scale is the true distance divided by the distance in odometry.  The track ratio is
+    computed as ``scale * reported_angle / measured_angle``.
 
     :param reported_distance: the distance in odometry [m]
     :param measured_distance: the distance measured with the tape [m]
@@ -187,7 +176,6 @@ class UmbmarkFit:
     The calibration of odometry from squares with left turns and squares with right turns.
 
     :param wheel_ratio: the true diameter of the right wheel divided by that of the left wheel
-    :param track_ratio: the true wheel separation divided by the one that odometry uses
     :param before: the largest systematic position error without a correction by the two ratios
         [m]; UMBmark calls it E_max,syst
     :param after: the same error with the correction [m]
@@ -208,14 +196,11 @@ def closed_form(
     Compute the wheel ratio and the track ratio with the formulas of Borenstein and Feng (1996).
 
     The wheel ratio is the true diameter of the right wheel divided by that of the left wheel.  The
-    track ratio is the true wheel separation divided by the one that odometry uses.  The formulas
-    are approximate.  They give two values of each ratio: one from the errors of the end positions
-    along x, and one from the errors along y.  The mean of the two values is returned.
+    formulas are approximate.  They give two values of each ratio: one from the errors of the end
+    positions along x, and one from the errors along y.  The mean of the two values is returned.
 
     :param squares: the squares, at least one with left turns and one with right turns
     :param track: the wheel separation that odometry uses [m]
-    :param scale: the true length of a straight line divided by its length in odometry
-    :returns: the wheel ratio and the track ratio
     """
     side = scale * math.fsum(_length(square.path) for square in squares) / (4.0 * len(squares))
     right, left = (
@@ -236,8 +221,7 @@ def fit_umbmark(squares: Sequence[Square], track: float, scale: float = 1.0) -> 
     """
     Fit the wheel ratio and the track ratio to the measured end poses of driven squares.
 
-    The wheel ratio is the true diameter of the right wheel divided by that of the left wheel.  The
-    track ratio is the true wheel separation divided by the one that odometry uses.
+    The wheel ratio is the true diameter of the right wheel divided by that of the left wheel.
 
     This is a least-squares fit.  The residuals are the differences between the measured end poses
     and the end poses from corrected odometry.  The correction is exact, because it is applied to
@@ -246,7 +230,6 @@ def fit_umbmark(squares: Sequence[Square], track: float, scale: float = 1.0) -> 
 
     :param squares: the squares, at least one with left turns and one with right turns
     :param track: the wheel separation that odometry uses [m]
-    :param scale: the true length of a straight line divided by its length in odometry
     :raises CalibrationError: if the squares give no valid calibration
     """
     for square in squares:
@@ -294,7 +277,6 @@ def worst_systematic_error(squares: Sequence[Square], calibration: OdometryCalib
     returned.
 
     :param squares: the squares, at least one with left turns and one with right turns
-    :param calibration: the calibration that corrects odometry
     """
     means = [_mean_error(calibration, group) for group in _by_direction(squares)]
     return max(math.hypot(mean.x, mean.y) for mean in means)
@@ -336,8 +318,6 @@ def _error(calibration: OdometryCalibration, square: Square) -> Pose:
     """
     Return the measured end pose of a square minus the end pose from corrected odometry.
 
-    :param calibration: the calibration that corrects odometry
-    :param square: the odometry poses and the measured end pose of the square
     :returns: the difference of each component; the heading difference is from -pi to pi
     """
     pose = ORIGIN
@@ -360,10 +340,6 @@ def _least_squares(residuals: Residuals, start: Pair) -> tuple[Pair, Pair]:
     The Gauss-Newton method changes both parameters in each iteration.  A change that does not
     reduce the sum is halved.
 
-    :param residuals: a function that takes two parameters, and returns the residuals, each divided
-        by its standard error
-    :param start: the parameters to start from
-    :returns: the two parameters, and their two standard errors
     :raises CalibrationError: if the data do not determine the parameters, or the method does not
         converge
     """
@@ -396,10 +372,6 @@ def _descend(residuals: Residuals, found: Pair, change: Pair,
 
     If the change does not reduce the sum, half of the change is tried, and so on.
 
-    :param residuals: a function that takes two parameters, and returns the residuals
-    :param found: the parameters before the change
-    :param change: the first change to try
-    :param least: the sum of squared residuals before the change
     :returns: the new parameters and their residuals; None if no change reduces the sum
     """
     factor = 1.0

@@ -58,7 +58,6 @@ class ArcSegment:
     """
     A part of a planned path with constant curvature: an arc, a straight line or a turn in place.
 
-    :param start: the pose at the start of the segment
     :param distance: the signed length [m], negative backwards; 0 for a turn in place
     :param angle: the heading change [rad], positive to the left; 0 for a straight line
     """
@@ -126,8 +125,6 @@ class ArcSegment:
         If the heading changes by more than two turns, the segment is shortened to between one and
         two turns.  For example, 5.25 turns are shortened to 1.25 turns, because in a plot the
         other 4 turns would cover the first one.
-
-        :param count: the number of poses
         """
         angle = self._visible_angle
         distance = self.distance * (angle / self.angle if self.angle else 1.0)
@@ -144,12 +141,7 @@ class ArcSegment:
 
 @dataclass(frozen=True)
 class ChainSegment:
-    """
-    A part of a planned path whose curvature varies, such as a corner that is cut.
-
-    :param start: the pose at the start of the segment
-    :param chain: the chain of short arcs that the robot drives
-    """
+    """A part of a planned path whose curvature varies, such as a corner that is cut."""
 
     start: Pose
     chain: ChainPath
@@ -199,8 +191,6 @@ class ChainSegment:
         Return poses along the path segment at equal intervals of planned time.
 
         The start pose is left out.
-
-        :param count: the number of poses
         """
         arcs, tick = len(self.chain.sent), self.chain.tick
         poses = []
@@ -230,10 +220,6 @@ def step_segments(plan: Plan, start: Pose = ORIGIN) -> list[list[PathPart]]:
 
     A step of a flow, which is a run of steps without a stop, has the path that is planned for it,
     with cut corners.
-
-    :param plan: the plan
-    :param start: the pose at the start of the plan
-    :returns: for each step, the list of the parts of its path, in order
     """
     steps = []
     pose = start
@@ -254,11 +240,7 @@ def arc_segments(plan: Plan) -> list[PathPart]:
 
 
 def uncut_path(plan: Plan) -> list[ArcSegment]:
-    """
-    Return the path of a plan with a stop at each step, from the origin, so without cut corners.
-
-    :param plan: the plan
-    """
+    """Return the path of a plan with a stop at each step, so without cut corners."""
     segments: list[ArcSegment] = []
     for planned in plan.steps:
         for segment in planned.step.path():
@@ -299,8 +281,6 @@ def _unique_lines(points: Sequence[Point], grain: float) -> list[Point]:
     equal after rounding to ``grain``.  For example, if a robot drives the same square ten times,
     one square is left.
 
-    :param points: the points of the path [m]
-    :param grain: the smallest distance that is visible in the plot [m]
     :returns: the points [m]; a point of NaN values marks each gap in the path
     """
     cells = [(round(x / grain), round(y / grain)) for x, y in points]
@@ -369,7 +349,6 @@ class PoseHistory:
 
         A pose with an infinite or NaN value is not stored.
 
-        :param pose: the new pose
         :returns: whether the pose was stored
         """
         if not math.isfinite(pose.x + pose.y + pose.theta) or (
@@ -397,8 +376,6 @@ def sample_path(plan: Plan, start: Pose = ORIGIN, most: int = MAX_POSES) -> list
 
     If this needs more than ``most`` poses, the poses are farther apart.
 
-    :param plan: the plan
-    :param start: the pose at the start of the plan
     :param most: the largest number of poses, at least two
     """
     if len(plan.steps) >= most:
@@ -427,7 +404,6 @@ def simplify(points: Sequence[Point], grain: float, most: int) -> list[Point]:
     :param points: the path [m]
     :param grain: the largest distance of a point from the straight line that replaces it [m],
         above 0.  While more than ``most`` points are left, this distance is doubled
-    :param most: the largest number of points to keep
     :returns: the kept points, among them the first and the last point [m]
     """
     # Matplotlib's setting path.simplify is similar, but with the same tolerance it keeps 20 times
@@ -463,9 +439,6 @@ class _Cone:
     A line passes near a point if the distance between them is at most ``grain``.  To simplify a
     path, its points are added one by one, until no line passes near all of them.  This is the cone
     intersection method of Williams (1978) and of Sklansky and Gonzalez (1980).
-
-    :param start: the start point of the line [m]
-    :param grain: the largest distance of a point from the line [m]
     """
 
     __slots__ = ('_grain', '_high', '_low', '_middle', '_reach', '_start')
@@ -482,7 +455,6 @@ class _Cone:
         A line passes near a point if the distance between them is at most ``grain``.  The start
         point and ``grain`` were given to the constructor.
 
-        :param point: the point [m]
         :returns: whether the point was added; it is also not added if the path has turned back
             towards the start point
         """

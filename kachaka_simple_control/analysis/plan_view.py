@@ -75,7 +75,6 @@ def outlines(footprint: Footprint | None, poses: Iterable[Pose]) -> list[Point]:
 
     :param footprint: the robot's outline from above; if it is None, only the positions of the
         poses are returned
-    :param poses: the poses of the robot
     """
     if footprint is None:
         return [(pose.x, pose.y) for pose in poses]
@@ -87,10 +86,6 @@ class PlanView:
     """
     A plan, together with the names, limits and outline that tables and plots show.
 
-    :param name: the name of the motion
-    :param robot: the name of the robot
-    :param plan: the plan
-    :param limits: the limits of velocity and acceleration that were used to make the plan
     :param footprint: the robot's outline from above; None if unknown
     """
 
@@ -135,7 +130,6 @@ def ticks(segment: Segment, period: float) -> int:
     """
     Return how many times a velocity is sent in a segment of a plan, at least 1.
 
-    :param segment: a time interval of the plan with a constant velocity
     :param period: the time after which the velocity is sent again [s]
     """
     return max(1, math.ceil((segment.end - segment.start) / period - TIME_TOLERANCE))
@@ -154,7 +148,6 @@ class SleepLoopEstimate:
     In each iteration the loop publishes a velocity, and then sleeps for at most one period.
 
     :param extra_time: the driven time minus the planned time [s]
-    :param missing_messages: the planned number of messages minus the sent number
     :param distance: the distance from the planned end to the robot's end [m]
     :param angle: the heading error at the end [rad], positive to the left
     """
@@ -208,10 +201,6 @@ class _LoopStep(NamedTuple):
 
     In each iteration the loop publishes a velocity, and then sleeps for at most one period.
     Repetitions of a step that are driven in the same way have the same result.
-
-    :param end: the robot's end pose, relative to its pose at the start of the step
-    :param duration: the duration of the step [s]
-    :param iterations: the number of iterations of the loop
     """
 
     end: Pose

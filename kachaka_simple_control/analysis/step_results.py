@@ -36,7 +36,6 @@ def sent(messages: Sequence[VelocitySent], command_timeout: float = math.inf) ->
 
     :param messages: the velocity messages, in order; the last one only gives the end time
     :param command_timeout: the longest time for which the robot keeps a velocity [s]
-    :returns: the distance and the angle, each as the sum of velocity times duration
     """
     held = [(one.velocity, min(two.time - one.time, command_timeout))
             for one, two in pairwise(messages)]
@@ -98,12 +97,7 @@ def segment_odometry(
 
 
 def _end_of_movement(end: float, odometry: Sequence[OdometryReceived]) -> float:
-    """
-    Return the time of the first odometry sample that shows the end of the last movement [s].
-
-    :param end: when the last velocity was sent [s]
-    :param odometry: the odometry samples; if none is late enough, the last one counts
-    """
+    """Return the time of the first odometry sample that shows the end of the last movement [s]."""
     if not odometry:
         return end
     later = bisect_left(odometry, end + ODOMETRY_DELAY, key=attrgetter('time'))
@@ -122,7 +116,6 @@ def pose_at(odometry: Sequence[OdometryReceived], time: float) -> Pose:
 
     :param odometry: the received samples, in order.  The first one must not be later than
         ``time``, and the last one must not be earlier
-    :param time: the time [s]
     """
     index = bisect_left(odometry, time, key=attrgetter('time'))
     before, after = odometry[max(0, index - 1)], odometry[index]
@@ -150,11 +143,8 @@ class Result:
     """
     The displacement of a step or a flow: as requested, as sent, and as reported by odometry.
 
-    A flow is a run of steps that the robot drives without a stop.
-
     :param is_complete: whether it was driven to its end
     :param requested: the displacement that is requested; for a step in a flow, the planned one
-    :param sent: the displacement of a robot that follows the sent velocities exactly
     :param odometry: the displacement from odometry; None if odometry does not cover it
     """
 
@@ -180,11 +170,7 @@ class Result:
 
 @dataclass(frozen=True)
 class FlowResult(Result):
-    """
-    The displacement of the started steps of a flow, which is a run of steps without a stop.
-
-    :param count: the number of started steps
-    """
+    """The displacement of the started steps of a flow, which is a run of steps without a stop."""
 
     count: int
 
@@ -198,9 +184,6 @@ class StepResult(Result):
     late, so while the robot moves, it does not show where a step ended.  The result of the whole
     flow has the odometry.
 
-    :param log: the step and its sent messages
-    :param motion: the name of the motion
-    :param is_in_flow: whether the step is one of several started steps of a flow
     :param flow: for the last started step of a flow, the result of the whole flow
     """
 
@@ -215,8 +198,6 @@ def flow_ranges(steps: Sequence[StepLog]) -> list[range]:
     Return the started steps of each flow, which is a run of steps without a stop.
 
     :param steps: the started steps, in order; they may belong to several motions
-    :returns: for each flow with at least two started steps, the range of their indices in
-        ``steps``
     """
     flows: list[range] = []
     for index, (before, after) in enumerate(pairwise(steps)):
@@ -235,7 +216,6 @@ def step_results(
     Return the displacement of each step: requested, from sent velocities, and from odometry.
 
     :param steps: the started steps, in order
-    :param names: for each step, the name of its motion
     :param odometry: the received samples, in order
     :param command_timeout: the time after which the robot stops without a new velocity [s]
     """

@@ -52,13 +52,7 @@ class OutcomeKind(Enum):
 
 @dataclass(frozen=True)
 class Outcome:
-    """
-    The outcome of a drive: how it ended, and why.
-
-    :param kind: the way in which the drive ended, for example done or stopped
-    :param headline: the outcome in a few words
-    :param reason: sentences that say why the drive ended, and how far it came
-    """
+    """The outcome of a drive: how it ended, and why."""
 
     kind: OutcomeKind
     headline: str
@@ -66,11 +60,7 @@ class Outcome:
 
 
 def outcome(log: DriveLog) -> Outcome:
-    """
-    Return how and why a drive ended, and how far it came.
-
-    :param log: the log of the drive
-    """
+    """Return how and why a drive ended, and how far it came."""
     end, reason, progress = log.session_ended, _reason(log), _progress(log)
     fault = _reason(log, faults_only=True) or (None if end is None else end.error)
     if end is None:
@@ -109,9 +99,6 @@ def _reason(log: DriveLog, faults_only: bool = False) -> str | None:
     Return why a motion of a drive ended early; None if no motion ended early.
 
     If several motions ended early, the reason of the first one is returned.
-
-    :param log: the log of the drive
-    :param faults_only: whether to ignore motions that ended early because somebody requested it
     """
     return next((motion.reason for motion in log.motions
                  if motion.reason is not None and (motion.is_fault or not faults_only)), None)
@@ -159,11 +146,9 @@ class SpeedInterval:
     The speed relative to the plan is the product of all speed factors, which are from 0 to 1.
     Each factor is set by a source, such as a pause or an obstacle.
 
-    :param motion: the log of the motion
     :param factors: the speed factors below 1, by the name of the source; empty at full speed
     :param begin: the start time [s on the steady clock]
     :param end: the end time [s on the steady clock]
-    :param plan_begin: the progress of the motion at ``begin``, in seconds of its plan
     :param plan_end: the progress of the motion at ``end``, in seconds of its plan
     """
 
@@ -211,7 +196,6 @@ def speed_intervals(log: DriveLog) -> list[SpeedInterval]:
 
     The product of the speed factors is the speed relative to the plan, from 0 to 1.
 
-    :param log: the log of the drive
     :returns: the intervals, in order; motions that were at full speed all the time have none
     """
     return [interval for motion in log.motions if motion.own_messages and motion.plan.steps
@@ -299,7 +283,6 @@ class Summary:
 
         The started steps of all motions are counted together, from 1.
 
-        :param interval: the speed interval, a time in which the speed factors were constant
         :returns: the number; None if the step was not started
         """
         return self._step_numbers.get(id(interval.step))

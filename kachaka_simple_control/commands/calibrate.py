@@ -14,8 +14,7 @@
 """
 The command ``kachaka_calibrate``, which calibrates a robot and writes the robot's profile.
 
-The profile is a file with the topics, the limits and the calibration of the robot.  By default,
-the command measures with odometry how the robot follows velocity commands.
+By default, the command measures with odometry how the robot follows velocity commands.
 
 With the argument ``floor`` or ``umbmark``, it calibrates the odometry itself.  The robot drives a
 straight line and a turn (``floor``), or squares (``umbmark``).  The user then measures with a tape
@@ -78,12 +77,10 @@ def calibrate(options: CalibrateOptions) -> None:
     """
     Measure with odometry how the robot follows velocity commands, and write the robot's profile.
 
-    The profile is a file with the topics, the limits and the calibration of the robot.  The robot
-    drives a calibration motion.  Before it moves, the user must confirm the drive, unless the
-    robot is simulated or ``--yes`` was given.  With ``--dry-run``, the function only prints the
-    plan of the motion.
+    The robot drives a calibration motion.  Before it moves, the user must confirm the drive,
+    unless the robot is simulated or ``--yes`` was given.  With ``--dry-run``, the function only
+    prints the plan of the motion.
 
-    :param options: the options of the command
     :raises CalibrationError: if the drive gives no valid calibration; no file is written
     :raises UsageError: if the robot's profile has a calibration already; the robot has not moved
     :raises ControlError: if the drive cannot start or is not completed; no file is written
@@ -117,11 +114,10 @@ def measure_floor(options: CalibrateOptions) -> None:
     """
     Calibrate odometry with a straight line and a turn, and write the robot's profile.
 
-    The profile is a file with the topics, the limits and the calibration of the robot.  The robot
-    drives 1 m and makes one full turn.  The user measures on the floor how far the robot has
-    driven and turned.  With ``--dry-run``, the function only prints the plans of the two motions.
+    The robot drives 1 m and makes one full turn.  The user measures on the floor how far the robot
+    has driven and turned.  With ``--dry-run``, the function only prints the plans of the two
+    motions.
 
-    :param options: the options of the command
     :raises CalibrationError: if the drives give no valid calibration; no file is written
     :raises ControlError: if a drive cannot start or is not completed; no file is written
     """
@@ -154,12 +150,10 @@ def measure_squares(options: CalibrateOptions) -> None:
     """
     Calibrate odometry with the UMBmark method, and write the robot's profile.
 
-    The profile is a file with the topics, the limits and the calibration of the robot.  The robot
-    drives squares clockwise and counterclockwise.  After each square, the user measures on the
-    floor the pose of the robot relative to its start (method: J. Borenstein and L. Feng, 1996).
-    With ``--dry-run``, the function only prints the plans of the two motions.
+    The robot drives squares clockwise and counterclockwise.  After each square, the user measures
+    on the floor the pose of the robot relative to its start (method: J. Borenstein and L. Feng,
+    1996). With ``--dry-run``, the function only prints the plans of the two motions.
 
-    :param options: the options of the command
     :raises CalibrationError: if the drives give no valid calibration; no file is written
     :raises UsageError: if the robot's profile has no odometry calibration yet (first run
         ``kachaka_calibrate floor``); the robot has not moved
@@ -211,7 +205,6 @@ def require_ready(options: CalibrateOptions) -> Settings:
     The output file must not exist yet.  There is one exception: a calibration with a tape measure
     may replace the file of the robot's profile, if ``--output`` names this file.
 
-    :param options: the options of the command
     :returns: the settings for the drive, such as the robot's profile and the message rate
     :raises UsageError: if the robot has no odometry, corners are to be cut, or the output file
         already exists or cannot be written; the robot has not moved
@@ -234,11 +227,7 @@ def require_ready(options: CalibrateOptions) -> Settings:
 
 
 def show(views: Sequence[PlanView]) -> None:
-    """
-    Print a table of the plans of the calibration motions.
-
-    :param views: the plans
-    """
+    """Print a table of the plans of the calibration motions."""
     print_result(plan_table(views, terminal_columns()), 'the plan')
 
 
@@ -255,9 +244,6 @@ def drive_until_good(
     total.  Before this, the user must put the robot back to its start.  Therefore, the drive is
     not repeated if standard input is not a terminal, or if a real robot drives with ``--yes``.
 
-    :param options: the options of the command
-    :param motion: the name of a motion of the package, or the path of a motion file
-    :param view: the plan of the motion
     :param fit: a function that computes the measurement from the record of a drive; it raises
         CalibrationError if the measurement is not valid
     :param before: an instruction that is printed before each drive; empty for none
@@ -292,13 +278,6 @@ def _drive(
     If the odometry of a drive is not valid, the robot drives the motion again, at most three times
     in total.  The drive is not repeated if standard input is not a terminal, or if a real robot
     drives with ``--yes``.
-
-    :param options: the options of the command
-    :param motion: the name of a motion of the package, or the path of a motion file
-    :param view: the plan of the motion
-    :param report: the folder for the report of this motion, inside the directory that ``--report``
-        names
-    :param before: an instruction that is printed before each drive
     """
     if options.report is not None:
         options = replace(options, report=str(Path(options.report) / report))
@@ -329,10 +308,6 @@ def write_robot(
 
     If one of them is not possible, the other is done all the same.
 
-    :param options: the options of the command, which name the file to write
-    :param robot: the name or the file of the profile to which the calibration is added
-    :param rows: the results, for ``show_result``
-    :param calibration: the new calibration
     :raises UsageError: if the file cannot be written
     """
     file = options.file
@@ -363,10 +338,6 @@ class _Answers:
         """
         Check the measurements that the user gave on the command line.
 
-        :param given: the values of the option ``--measured``, one text for each question; empty if
-            the user is asked at the terminal
-        :param quantities: for each question, the quantities that its answer must contain, in
-            order, for example a length and an angle
         :raises UsageError: if a measurement is invalid or missing, or there is no terminal at
             which the user can be asked
         """
@@ -389,9 +360,6 @@ class _Answers:
         If the option ``--measured`` gave the answers, return the next one.  Otherwise, ask the
         user, and repeat the question until the answer is valid.
 
-        :param question: the question that the user is asked
-        :param kinds: the quantities that the answer must contain, in order, for example a length
-            and an angle
         :returns: the measured values: lengths [m] and angles [rad]
         :raises UsageError: if the user enters an empty line
         """
@@ -425,7 +393,6 @@ def _motions(side: str) -> Iterator[tuple[str, str]]:
     motions of the package.  Squares of another size are written to temporary files, which are
     deleted after the block.
 
-    :param side: the side length of the squares, as text with a unit
     :returns: the names of the motions, or the paths of the files
     :raises UsageError: if the side length is invalid
     """
@@ -449,8 +416,6 @@ def _track(options: CalibrateOptions, profile: RobotProfile) -> float:
     """
     Return the wheel separation that a robot uses to compute its odometry [m].
 
-    :param options: the options of the command; ``--track`` gives the wheel separation
-    :param profile: the profile of the robot, which is used if ``--track`` is not given
     :raises UsageError: if the wheel separation is invalid, or if it is neither given nor known for
         the robot
     """
@@ -478,7 +443,6 @@ def main(args: Sequence[str] | None = None) -> int:
 
     :param args: the command line arguments after the program's name; None for those of this
         process
-    :returns: the exit code of the command
     """
     options = calibrate_options.parse(sys.argv[1:] if args is None else args)
     measure = {calibrate_options.FLOOR: measure_floor,

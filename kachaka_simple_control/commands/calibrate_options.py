@@ -54,8 +54,6 @@ class CalibrateOptions(cli.Options):
     :param part: what to measure: ``floor`` or ``umbmark`` with a tape measure, or an empty text to
         measure with odometry only
     :param output: the file of the robot's profile to write; None for the default file
-    :param floor: a description of the floor, which is written to the profile
-    :param dry_run: whether to print the plan of the motion instead of driving it
     :param measured: the measurements with the tape, in the order of the questions; empty to ask
         the user
     :param side: the side length of the squares to drive, as text; None for the default
@@ -84,7 +82,6 @@ def parse(arguments: Sequence[str]) -> CalibrateOptions:
     """
     Parse the command line arguments of ``kachaka_calibrate``.
 
-    :param arguments: the arguments after the program's name
     :raises SystemExit: with code 2 if an argument is invalid, with code 0 if ``--help`` is given;
         before that, an error message in one line or the help is printed
     """

@@ -63,36 +63,25 @@ class Options:
     """
     The values of the command line options of ``kachaka_simple_control``.
 
-    The lesson is the motion that is driven by default.  A bridge is a process that connects a
-    Kachaka robot to ROS 2 topics.
+    The lesson is the motion that is driven by default.
 
     :param motions: the names or files of motions; empty for the lesson
-    :param sim: whether to start a simulated robot with its bridge
     :param robot: the name or file of the robot's profile, which has its topics and limits; None if
         not given
-    :param rate: the rate of velocity messages [Hz]; None if not given
     :param closed_loop: whether odometry corrects the velocities; None if not given
     :param corners: how far the robot may pass the corners between steps [m]; None if not given
     :param within: how far from the plan the drive may end, as text; None if not given
     :param speed: the initial speed as a fraction of the planned speed, up to 1; None if not given
-    :param list: whether to list the motions of the package
-    :param plan: whether to print the plan of each motion
     :param plot: the image file for a plot of the plans; None for no plot
     :param wait: whether to start the motion only when the service ``~/run`` is called or Enter is
         pressed
-    :param ros_arguments: the arguments for ROS, including ``--ros-args`` and ``--``
     :param report: the directory for a report; None for no report
-    :param repeat: how many times to drive the motion
     :param quiet: whether to print only the node's log lines while the robot drives
     :param address: the address of a real robot, for which to start a bridge; None if not given
     :param simulation: the options of the simulated robot, as command line arguments
     :param yes: whether to drive a real robot without asking the user
-    :param pipe: whether to take commands from standard input, and to write reports to standard
-        output
-    :param console: whether to serve a page for a browser that shows the drive and can stop it
     :param calibrates: whether the drive is for a calibration; such a drive is recorded, and prints
         no table of results
-    :param command: the whole command line, which is shown in reports
     """
 
     motions: tuple[str, ...] = ()
@@ -202,8 +191,6 @@ def parse_values(parser: OneLineParser, arguments: Sequence[str]) -> dict[str, A
     """
     Parse the command line arguments of a program that drives a robot.
 
-    :param parser: the parser for all arguments that are not for ROS
-    :param arguments: the arguments after the program's name
     :returns: the values of the options, by name; the key ``ros_arguments`` has the arguments for
         ROS, and the key ``command`` has the whole command line
     """
@@ -277,11 +264,7 @@ def _parser() -> OneLineParser:
 
 
 def add_drive_options(parser: OneLineParser) -> None:
-    """
-    Add the common options of all programs for driving, such as ``--robot`` and ``--rate``.
-
-    :param parser: the parser to which the options are added
-    """
+    """Add the common options of all programs for driving, such as ``--robot`` and ``--rate``."""
     robot = parser.add_mutually_exclusive_group().add_argument
     robot('--sim', action='store_true',
           help='start a simulated Kachaka, drive it, and print what was requested, sent and '
@@ -370,8 +353,6 @@ def _complete(parser: OneLineParser) -> NoReturn:
     Print the possible completions of a word on the command line, and exit.
 
     When the user presses Tab, the shell starts the program, which then calls this function.
-
-    :param parser: the parser, which knows the options of the program
     """
     try:
         from argcomplete import autocomplete
@@ -391,14 +372,7 @@ def _complete(parser: OneLineParser) -> NoReturn:
 
 
 def _paths(prefix: str, *suffixes: str) -> list[str]:
-    """
-    Return the paths that complete a partly typed path, for completion in a shell.
-
-    :param prefix: the typed part of the path
-    :param suffixes: the suffixes of the files to return; without suffixes, only folders are
-        returned
-    :returns: all matching folders, and all matching files with one of the suffixes
-    """
+    """Return the paths that complete a partly typed path, for completion in a shell."""
     found = glob(f'{escape(prefix)}*')  # noqa: PTH207 (a path keeps its ./)
     return [f'{path}/' if Path(path).is_dir() else path
             for path in found if path.endswith(suffixes) or Path(path).is_dir()]
@@ -410,7 +384,6 @@ def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]
 
     The arguments for ROS begin with ``--ros-args``, and end with ``--`` or the last argument.
 
-    :param arguments: all arguments after the program's name
     :returns: the program's own arguments, and the arguments for ROS with ``--ros-args`` and ``--``
     """
     own: list[str] = []

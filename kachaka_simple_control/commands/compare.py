@@ -14,7 +14,7 @@
 """
 The command ``kachaka_compare``, which compares several drives of the same motion.
 
-A drive is one run of the robot.  The command reads the reports of the drives.
+The command reads the reports of the drives.
 """
 
 from __future__ import annotations
@@ -40,7 +40,6 @@ def compare(directories: Sequence[Path], plot: str | None) -> None:
     """
     Print a table that compares the end poses of several drives, and save a plot of their paths.
 
-    :param directories: the directory of each drive's report
     :param plot: the image file for the plot; None for no plot
     :raises UsageError: if the drives cannot be compared, or the plot cannot be written
     """
@@ -63,7 +62,6 @@ def main(args: Sequence[str] | None = None) -> int:
 
     :param args: the command line arguments after the program's name; None for those of this
         process
-    :returns: the exit code of the command
     """
     parser = OneLineParser(
         prog=NAME, allow_abbrev=False,

@@ -40,7 +40,6 @@ class ConsoleBeside(RemoteCommands):
     The page shows the drive, and can stop, pause, resume and slow it down.  The console is a child
     process.  If it ends, the drive goes on, because it began in a terminal.
 
-    :param robot_control: the node that drives the robot
     :param robot: the name or file of the robot's profile, for the plans that the page shows; None
         for the default
     :param motion_text: the text of the motion file, whose plan the page draws; None without a file

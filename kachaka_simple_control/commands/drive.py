@@ -73,7 +73,6 @@ def drive(options: Options) -> DriveLog:
     If the options name no motion, drive the lesson, the default motion.  With ``--wait``, wait for
     requests and drive the motion at each request, until the program is stopped.
 
-    :param options: the options of the command
     :returns: the plans, the sent velocities and the odometry of the drive; empty if the drive was
         not recorded
     :raises ControlError: if the drive could not be completed; the robot was stopped
@@ -158,8 +157,6 @@ def _print_table(
     """
     Print what was requested, sent and driven; print nothing if no step was started.
 
-    :param robot_control: the node that drove the robot
-    :param subscribers: the object that knows when odometry confirmed the stop
     :raises RunFaultError: if the table cannot be printed
     """
     log = robot_control.drive_log
@@ -188,10 +185,7 @@ def _remote_control(
     """
     Return an object that drives as lines on standard input command; None without reports.
 
-    :param stack: the stack of context managers; the robot is released before it is closed
-    :param robot_control: the node that drives the robot
     :param reports: the object that writes the reports; None if no lines are read
-    :param options: the options of the command, which win over the file of a motion
     """
     if reports is None:
         return None
@@ -218,13 +212,8 @@ def _start_subscribers(
     """
     Start the processes that display a drive and write its report, if the options request them.
 
-    The report also says whether the guardian has stopped the robot.  The guardian is a process
-    that stops the robot if this program fails.
+    The report also says whether the guardian has stopped the robot.
 
-    :param subscribers: the object to which the processes are added; it sends them the events of
-        the drive, such as each velocity
-    :param options: the options of the command
-    :param is_lesson: whether the robot drives the lesson, the default motion
     :param guardian_memory: a tuple of the file descriptor of the memory that is shared with the
         guardian, and the index of the robot in this memory; None without a guardian
     :returns: the process that writes the report; None without a report
@@ -249,10 +238,6 @@ def _start_bridge(
 
     After this, the node drives only the robot of this bridge, and no other robot with the same
     topics.  The bridge ends when the stack is closed.
-
-    :param stack: the stack of context managers to which the bridge is added
-    :param options: the options of the command, which select a simulated or a real robot
-    :param robot_control: the node that drives the robot
     """
     from kachaka_simple_control.kachaka.bridge_process import real_bridge, simulated_bridge
     namespace = robot_control.node_parameters.robot_namespace
@@ -272,7 +257,6 @@ def _motion_file(options: Options) -> MotionFile | None:
     - Without ``--wait``, this function returns None, and the program later calls the Python
       function of the lesson.
 
-    :param options: the options of the command
     :returns: the checked motion and its source; None if the options have neither a motion nor
         ``--wait``
     :raises UsageError: if two options contradict each other
@@ -356,12 +340,6 @@ def _wait_for_requests(
     Wait for requests, and drive the motion at each request, until the node is stopped.
 
     A request is a call of the service ``~/run``, or the key Enter at the terminal.
-
-    :param robot_control: the node that drives the robot
-    :param motion: the motion
-    :param limits: the limits of velocity and acceleration for the motion
-    :param keys: a mapping from each key that controls the robot during a drive to the function
-        that is called when the key is pressed
     """
     commander = robot_control.commander
     drive = partial(robot_control.run, motion, limits)
@@ -382,8 +360,6 @@ def _keys(robot_control: KachakaSimpleControl) -> Keys:
 
     The space bar pauses, ``r`` resumes, ``-`` and ``+`` change the speed, and ``q`` ends the
     program.
-
-    :param robot_control: the node that drives the robot
     """
     commander = robot_control.commander
     faster = partial(commander.change_speed, KEY_STEP)

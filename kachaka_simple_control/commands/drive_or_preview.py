@@ -82,7 +82,6 @@ def drive(options: Options) -> DriveLog:
     """
     Drive a robot as the options request, and return the record of the drive.
 
-    :param options: the options of the command
     :returns: the plans, the sent velocities and the odometry of the drive; empty if the drive is
         not recorded.  It is recorded for a calibration, or with ``--sim``, ``--address``,
         ``--report`` or the ROS parameter ``summary``.
@@ -141,7 +140,6 @@ def main(args: Sequence[str] | None = None) -> int:
 
     :param args: the command line arguments after the program's name; None for those of this
         process
-    :returns: the exit code of the command
     """
     options = parse(args)
     return run_command(lambda: _run(options), moves_robot=not options.is_preview)

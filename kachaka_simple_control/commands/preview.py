@@ -38,7 +38,6 @@ def preview(options: Options) -> None:
     """
     List the motions of the package, or print or plot the plans of motions.
 
-    :param options: the options of the command: ``--list``, ``--plan`` or ``--plot``
     :raises InvalidMotionError: if a motion is invalid or not found
     :raises UsageError: if an option is invalid, or the plot cannot be written
     :raises RunFaultError: if the text cannot be printed
@@ -58,11 +57,7 @@ def preview(options: Options) -> None:
 
 
 def _listing(options: Options) -> str:
-    """
-    Return a text with a line for each motion of the package, and one for each robot.
-
-    :param options: the options of the command, which select the robot and the rate of messages
-    """
+    """Return a text with a line for each motion of the package, and one for each robot."""
     rows = []
     for name in library():
         preview = plan_view(name, options)
@@ -84,8 +79,6 @@ def plan_view(name: str, options: Options) -> PlanView:
     If the options override a value of the motion's file, print this to standard error, unless the
     motions are only listed.
 
-    :param name: the name of a motion of the package, or the path of a motion file
-    :param options: the options of the command, which may select the robot and the rate of messages
     :raises InvalidMotionError: if the motion is invalid or not found
     :raises UsageError: if an option is invalid
     """

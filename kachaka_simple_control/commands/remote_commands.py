@@ -56,10 +56,6 @@ class RemoteCommands:
     Only the commands ``stop``, ``pause``, ``resume`` and ``speed`` are executed.  One thread
     executes the commands, and never waits for another command, so that a stop is executed at once.
     One thread writes reports.
-
-    :param robot_control: the node that drives the robot
-    :param source: the file descriptor from which commands are read
-    :param writer: the object that writes the reports
     """
 
     #: whether the robot is driven by these commands
@@ -194,13 +190,7 @@ class RemoteCommands:
             is_taken=progress.state in UNDER_WAY, is_by_hand=False, reason=progress.ended_by)
 
     def _answer(self, number: int, execute: Callable[[], str]) -> None:
-        """
-        Execute a command, and answer it.
-
-        :param number: the number of the command
-        :param execute: a function that executes the command and returns a text for the user, or
-            raises an error that says why the command was refused
-        """
+        """Execute a command, and answer it."""
         try:
             answer = protocol.Answer(number, True, execute())
         except (ControlError, InvalidMotionError, UsageError) as error:

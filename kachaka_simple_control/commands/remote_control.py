@@ -70,9 +70,6 @@ class RemoteControl(RemoteCommands):
     Three threads work here.  The main thread drives.  One thread executes the commands, and never
     waits for another command, so that a stop is executed at once.  One thread writes reports.
 
-    :param robot_control: the node that drives the robot
-    :param source: the file descriptor from which commands are read
-    :param writer: the object that writes the reports
     :param choose: a function that chooses the rate, the limits and the kind of control for a
         motion file; it raises an error if the robot cannot drive the motion so
     """
@@ -182,8 +179,6 @@ class RemoteControl(RemoteCommands):
         """
         Check a motion, and let the main thread drive it.
 
-        :param command: the command, with the text of the motion
-        :param stop_count: the number of stops when the command came
         :returns: a text for the user
         :raises ControlError: if the motion may not be driven now
         :raises InvalidMotionError: if the robot cannot drive the motion

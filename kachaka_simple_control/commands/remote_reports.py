@@ -38,9 +38,6 @@ class ReportWriter:
 
     If the reader of the pipe is frozen and the pipe is full, reports are dropped, so that no
     thread waits longer than REMOTE_WRITE_TIMEOUT (0.05 s).
-
-    :param file: the file descriptor of the pipe
-    :ivar velocity: the velocity that was sent to the robot last
     """
 
     def __init__(self, file: int) -> None:
@@ -127,10 +124,6 @@ def state_of(
     """
     Return the state of the drive for a report.
 
-    :param session: the connection with the robot
-    :param progress: the progress of the newest run
-    :param velocity: the velocity that was sent last
-    :param is_taken: whether the robot is taken
     :param is_by_hand: whether the robot is driven by hand, if it is taken
     :param reason: why the last drive ended early; None if it did not
     """

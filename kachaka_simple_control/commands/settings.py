@@ -50,10 +50,7 @@ class Settings:
     """
     The robot, the message rate and the kind of control for which a motion is planned.
 
-    :param robot: the name or the file of the robot's profile
-    :param rate: the rate of velocity messages [Hz]
     :param profile: the robot's profile, which has its topics, limits and calibration
-    :param closed_loop: whether odometry corrects the velocities
     :param corners: how far the robot may pass the corners between steps, to drive through them
         without a stop [m]; 0 to stop at each of them
     """
@@ -71,7 +68,6 @@ class Settings:
         With closed-loop control, the check uses lower limits, because a part of each limit is
         reserved for corrections.
 
-        :param motion_file: the file of the motion
         :returns: for each quantity, such as the linear velocity, the limit in the file, or the
             limit of the robot if the file has none
         :raises MotionFileError: if the robot cannot drive the motion; the message has a line for
@@ -87,7 +83,6 @@ def choose_settings(options: Options, motion_file: MotionFile | None) -> Setting
     A value that an option or a ROS parameter (``-p``) gives has priority over the value in the
     motion's file.  If none of them gives a value, the default is used.
 
-    :param options: the options of the command
     :param motion_file: the motion's file; None for the lesson, the default motion
     :returns: the chosen settings, with the robot's profile
     :raises UsageError: if an option and a ROS parameter give different values, if a value is
@@ -116,7 +111,6 @@ def _find_profile(robot: str, motion_file: MotionFile | None) -> RobotProfile:
     """
     Read the profile of a robot; an unknown robot is refused with the line of a motion's file.
 
-    :param robot: the name or the file of the robot's profile
     :param motion_file: the motion's file; None if the robot is not from there
     """
     try:
@@ -134,9 +128,6 @@ def with_corners(options: Options, motion_file: MotionFile, corners: float) -> M
 
     All later code then takes the tolerance from the motion.
 
-    :param options: the options of the command.  If they say 0, the robot stops at all corners,
-        also inside steps that have a tolerance of their own
-    :param motion_file: the motion's file
     :param corners: the tolerance that was chosen [m]
     """
     motion = replace(motion_file.motion, corners=corners)
@@ -154,9 +145,7 @@ def describe_overrides(
     Such a setting is overridden by an option of the command or by a ROS parameter.  The line gives
     both values.
 
-    :param options: the options of the command
     :param motion_file: the motion's file; None if the motion has no file
-    :param used: the settings that the drive uses
     """
     lines = []
     for name, said in in_file(motion_file).items():
@@ -190,7 +179,6 @@ def _given(options: Options) -> dict[str, object]:
 
     An option, such as ``--rate 50``, or a ROS parameter, such as ``-p rate:=50``, gives a value.
 
-    :param options: the options of the command
     :returns: the values by name; a name without a value is left out
     :raises UsageError: if an option and a ROS parameter give different values, or a value is
         invalid
@@ -213,7 +201,6 @@ def chosen_speed(options: Options) -> float | None:
 
     Return None if the option is not given.
 
-    :param options: the options of the command
     :raises UsageError: if the ROS parameter ``speed_factor`` has a different value
     """
     speed = options.speed
@@ -256,12 +243,7 @@ _READERS: dict[str, Callable[[str, str], object]] = {
 
 
 def _option(name: str, value: object) -> str:
-    """
-    Return a setting as an option of the command line, for example ``--rate 50``.
-
-    :param name: the name of the setting
-    :param value: the value of the setting; False gives an option such as ``--no-closed-loop``
-    """
+    """Return a setting as an option of the command line, for example ``--rate 50``."""
     word = name.replace('_', '-')
     if isinstance(value, bool):
         return f'--{word}' if value else f'--no-{word}'

@@ -69,7 +69,6 @@ def main(args: Sequence[str] | None = None) -> int:
     Run the console until a signal ends it.
 
     :param args: the command line arguments without the program's name; default: ``sys.argv[1:]``
-    :returns: the exit code of the program
     """
     options = parse(sys.argv[1:] if args is None else args)
     try:
@@ -106,11 +105,7 @@ def parse(args: Sequence[str]) -> argparse.Namespace:
 
 
 def drive_options(options: argparse.Namespace) -> list[str]:
-    """
-    Return the options for the drive process.
-
-    :param options: the options of the console
-    """
+    """Return the options for the drive process."""
     words = ['--sim'] if options.sim else []
     for name in ('robot', 'address'):
         value = getattr(options, name)
@@ -119,21 +114,12 @@ def drive_options(options: argparse.Namespace) -> list[str]:
 
 
 def needs_token(options: argparse.Namespace) -> bool:
-    """
-    Return whether a page can be opened only by one of the links that are printed.
-
-    :param options: the options
-    """
+    """Return whether a page can be opened only by one of the links that are printed."""
     return options.token or not is_loopback(options.host)
 
 
 def drive_factory(options: argparse.Namespace, reports: Reports) -> DriveFactory:
-    """
-    Return a function that makes the drive process of a hub.
-
-    :param options: the options
-    :param reports: the reports of the drives
-    """
+    """Return a function that makes the drive process of a hub."""
     if options.beside is not None:
         return partial(RunningDrive, *options.beside)
     return partial(
@@ -146,8 +132,6 @@ def run(
     """
     Run the console until a signal ends it, or until the drive beside which it runs has ended.
 
-    :param options: the options
-    :param make_drive: makes the drive process of the hub
     :param reports: the reports of the drives; None for none
     :returns: the exit code
     :raises ExitError: if tornado is missing, or the console cannot listen or open its folder
@@ -164,7 +148,6 @@ def _require_usable(robot: str | None, reports: Reports) -> None:
     Refuse a robot and a folder of reports with which each drive process would fail.
 
     :param robot: the name or the path of the robot's profile; None for the default
-    :param reports: the reports of the drives
     :raises ExitError: if there is no such robot, its profile is invalid, or no report can be
         written
     """

@@ -82,11 +82,10 @@ class DriveProcess:
 
     All methods must be called in the thread of the event loop.
 
-    :param command: returns the command line of the next process
     :param on_report: is called with each report
     :param on_change: is called when ``state`` has changed
-    :ivar state: ``starting`` until the process has found its robot, then ``running``; ``ended``
-        if there is no process, and only a person's press starts a new one
+    :ivar state: ``starting`` until the process has found its robot, then ``running``; ``ended`` if
+        there is no process, and only a person's press starts a new one
     :ivar reason: why the last process ended; None before that
     """
 
@@ -162,11 +161,7 @@ class DriveProcess:
         return future
 
     def hand(self, hand: Hand) -> bool:
-        """
-        Send a velocity of the hand, or drop it; return whether it was sent.
-
-        :param hand: the velocity
-        """
+        """Send a velocity of the hand, or drop it; return whether it was sent."""
         is_zero = hand.linear_x == hand.angular_z == 0.0
         # What waits in the pipe would be obeyed late.  A zero never does harm.
         return (is_zero or self._unread() < MAX_UNREAD) and self._write(write_line(hand))
@@ -320,11 +315,7 @@ class DriveProcess:
         return len(self._rest) + int(struct.unpack('i', data)[0])
 
     def _write(self, line: bytes) -> bool:
-        """
-        Write a line, completely or not at all; return whether it was written.
-
-        :param line: the line
-        """
+        """Write a line, completely or not at all; return whether it was written."""
         if self._pipe is None or self._rest:
             return False
         try:
@@ -359,11 +350,6 @@ class DriveProcess:
 
 
 def drive_command(options: Sequence[str], more: Callable[[], list[str]]) -> list[str]:
-    """
-    Return the command line of the drive process.
-
-    :param options: the options of the robot, with ``--ros-args`` and what follows at the end
-    :param more: returns further options
-    """
+    """Return the command line of the drive process."""
     # The page has asked about the floor before it sends a command.
     return [*python_command(MODULE), '--pipe', '--yes', *more(), *options]

@@ -84,7 +84,6 @@ class Folder:
         """
         Return the text of a motion.
 
-        :param name: the name of a motion of the package, or the name of a file in the folder
         :raises FolderError: if there is no such motion, or it cannot be read
         """
         if name == LESSON:
@@ -114,8 +113,6 @@ class Folder:
         """
         Write a file of the folder, completely or not at all.
 
-        :param name: the file name
-        :param text: the text
         :param may_overwrite: whether an existing file may be replaced
         :raises FileExistsInFolderError: if the file exists and may not be replaced
         :raises FolderError: if the name is invalid, or the file cannot be written

@@ -107,10 +107,6 @@ class Hub:
 
     :param make_drive: makes the drive process from two functions: one that is called with each
         report, and one that is called when the state of the process has changed
-    :param folder: the folder of motion files
-    :param previews: the worker of the previews
-    :param reports: the reports of the drives
-    :param clock: returns the time [s]
     """
 
     def __init__(
@@ -154,31 +150,18 @@ class Hub:
         return len(self._pages)
 
     def open_page(self, page: Page) -> None:
-        """
-        Take a new page.
-
-        :param page: the page
-        """
+        """Take a new page."""
         self._pages.add(page, self._clock())
         self._show()
 
     def close_page(self, page: Page) -> None:
-        """
-        Forget a page; if it has driven, a zero is sent at once.
-
-        :param page: the page
-        """
+        """Forget a page; if it has driven, a zero is sent at once."""
         if self._pages.remove(page):
             self._lose_lease(page)
             self._show()
 
     def receive(self, page: Page, text: str | bytes) -> None:
-        """
-        Handle a message of a page.  A stop is always handled; others only within their rate.
-
-        :param page: the page
-        :param text: the message
-        """
+        """Handle a message of a page.  A stop is always handled; others only within their rate."""
         entry = self._pages.find(page)
         if entry is None:
             return
@@ -291,9 +274,6 @@ class Hub:
         """
         Send a command to the drive process; its answer goes to the page.
 
-        :param page: the page
-        :param message: the request of the page
-        :param command: the command, which gets a number of its own
         :returns: the future of the answer
         """
         self._stop = None  # what is sent now comes after that stop

@@ -40,7 +40,6 @@ class HandLease(Generic[HolderT]):
         Ask for the lease, and return whether the holder has it now.
 
         :param holder: who asks
-        :param now: the time [s]
         """
         if self.holder is None:
             self.holder = holder
@@ -48,12 +47,7 @@ class HandLease(Generic[HolderT]):
         return self.holder is holder
 
     def note_input(self, holder: HolderT, now: float) -> None:
-        """
-        Note that somebody uses the page; only the input of the holder counts.
-
-        :param holder: whose page it is
-        :param now: the time [s]
-        """
+        """Note that somebody uses the page; only the input of the holder counts."""
         if self.holder is holder:
             self._last_input = now
 
@@ -62,7 +56,6 @@ class HandLease(Generic[HolderT]):
         Give up the lease, and return whether the holder had it.
 
         :param holder: who gives it up
-        :param now: the time [s]
         """
         if self.holder is not holder:
             return False
@@ -70,9 +63,5 @@ class HandLease(Generic[HolderT]):
         return True
 
     def is_idle(self, now: float) -> bool:
-        """
-        Return whether the holder has had no input for too long.
-
-        :param now: the time [s]
-        """
+        """Return whether the holder has had no input for too long."""
         return self.holder is not None and now - self._last_input >= IDLE_TIME

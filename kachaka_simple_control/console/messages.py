@@ -56,12 +56,7 @@ class MessageError(ControlError, ValueError):
 
 @dataclass(frozen=True)
 class Range:
-    """
-    The lowest and the highest allowed number, for ``Annotated[float, Range(0.0, 1.0)]``.
-
-    :param lowest: the lowest allowed number
-    :param highest: the highest allowed number
-    """
+    """The lowest and the highest allowed number, for ``Annotated[float, Range(0.0, 1.0)]``."""
 
     lowest: float
     highest: float
@@ -82,7 +77,6 @@ def to_json(message: Message, max_size: int = MAX_SIZE) -> str:
     """
     Return a message as JSON text in one line, without a line break at the end.
 
-    :param message: the message
     :param max_size: the largest size [bytes]
     :raises MessageError: if a number of the message is NaN or infinite, or the message is too long
     """
@@ -136,21 +130,12 @@ def from_json(
 
 
 def by_type(kinds: Iterable[type[MessageT]]) -> dict[str, type[MessageT]]:
-    """
-    Return a dict of classes of messages; the keys are their types.
-
-    :param kinds: the classes
-    """
+    """Return a dict of classes of messages; the keys are their types."""
     return {kind.TYPE: kind for kind in kinds}
 
 
 def schema_of(title: str, kinds: Mapping[str, type[Message]]) -> dict[str, Any]:
-    """
-    Return the JSON Schema (Draft 7) of a message.
-
-    :param title: the title of the schema
-    :param kinds: the allowed classes of messages, by type
-    """
+    """Return the JSON Schema (Draft 7) of a message."""
     return {
         '$schema': 'http://json-schema.org/draft-07/schema#',
         'title': title,
@@ -202,13 +187,7 @@ def _read_fields(values: dict[str, Any], kind: Any, place: str) -> Any:
 
 
 def _read(value: Any, hint: Any, place: str) -> Any:
-    """
-    Check a value against a type, and return it, with lists as tuples and numbers as ``float``.
-
-    :param value: the value, as decoded from JSON
-    :param hint: the type of the field
-    :param place: the name of the field, for error messages
-    """
+    """Check a value against a type; return it with lists as tuples, numbers as ``float``."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
         number, allowed = _read(value, parts[0], place), parts[1]

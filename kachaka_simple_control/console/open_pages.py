@@ -44,9 +44,6 @@ class OpenPage:
     """
     What the console knows of an open page.
 
-    :param hand_rate: the limit of its velocities
-    :param other_rate: the limit of its other messages
-    :param sequence: the largest sequence of its velocities
     :param shown: the state that it has been sent; None before it has said hello
     """
 
@@ -75,12 +72,7 @@ class OpenPages:
         return page in self._pages
 
     def add(self, page: Page, now: float) -> None:
-        """
-        Add a page that was opened.
-
-        :param page: the page
-        :param now: the time [s]
-        """
+        """Add a page that was opened."""
         self._pages[page] = OpenPage(RateLimit(HAND_RATE, now), RateLimit(OTHER_RATE, now))
 
     def remove(self, page: Page) -> bool:

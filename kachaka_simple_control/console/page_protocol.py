@@ -68,11 +68,7 @@ class Hello(Message):
 
 @dataclass(frozen=True)
 class Lease(Request):
-    """
-    Ask for the lease of the hand, or give it up.
-
-    :param want: whether the page wants the lease
-    """
+    """Ask for the lease of the hand, or give it up."""
 
     TYPE: ClassVar[str] = 'lease'
     want: bool
@@ -102,11 +98,7 @@ class RunMotion(Request):
 
 @dataclass(frozen=True)
 class AskPreview(Request):
-    """
-    Check the text of a motion file and plan it; a newer one replaces one that still waits.
-
-    :param text: the text of a motion file
-    """
+    """Check the text of a motion file and plan it; a newer one replaces one that still waits."""
 
     TYPE: ClassVar[str] = 'preview'
     text: str
@@ -118,7 +110,6 @@ class SaveFile(Request):
     Write a file into the folder.
 
     :param file: the file name, ``[A-Za-z0-9_.-]+.yaml``
-    :param text: the text of the file
     :param may_overwrite: whether the user has agreed to replace an existing file
     """
 
@@ -130,11 +121,7 @@ class SaveFile(Request):
 
 @dataclass(frozen=True)
 class OpenFile(Request):
-    """
-    Ask for the text of a motion.
-
-    :param name: the name of a motion of the package, or of a file in the folder
-    """
+    """Ask for the text of a motion."""
 
     TYPE: ClassVar[str] = 'open'
     name: str
@@ -161,13 +148,7 @@ class Record(Request):
 
 @dataclass(frozen=True)
 class Motion:
-    """
-    A motion that can be driven.
-
-    :param name: what ``run`` and ``open`` take: the name of a motion of the package, or a file
-        name with ``.yaml``
-    :param is_file: whether it is a file of the folder, and not of the package
-    """
+    """A motion that can be driven."""
 
     name: str
     is_file: bool
@@ -179,10 +160,8 @@ class Welcome(Message):
     The answer to ``hello``.
 
     :param may_drive: whether this page may ask for the lease; a viewer may not
-    :param version: the version of the program
     :param folder: the name of the folder of motion files; None if nothing can be saved
     :param robot: the robot; None until it is known
-    :param motions: the motions
     """
 
     TYPE: ClassVar[str] = 'welcome'
@@ -213,8 +192,6 @@ class PageState(State):
     :param process: the drive process; after ``ended`` only ``start`` starts a new one, and
         ``reason`` says why it ended
     :param driver: who has the lease of the hand
-    :param watchers: how many pages are open
-    :param is_recording: whether the velocities of the hand are recorded
     :param report: the number of the newest report, at ``/report/N``; None if there is none
     """
 
@@ -243,7 +220,6 @@ class LineError:
     A problem in the text of a motion.
 
     :param line: the line, from 1; None if it is about the whole text
-    :param text: the problem
     """
 
     line: int | None
@@ -257,7 +233,6 @@ class Plan:
 
     :param points: the path as x [m], y [m] and heading [rad]
     :param box: the smallest and largest x and y of the path [m]: x0, y0, x1, y1
-    :param duration: the duration [s]
     :param steps: how many steps the motion has
     """
 
@@ -272,7 +247,6 @@ class Preview(Message):
     """
     The answer to ``preview``.
 
-    :param id: the number of the request
     :param errors: the problems of the text; empty if it can be driven
     :param plan: the plan; None if there are errors
     """
@@ -285,13 +259,7 @@ class Preview(Message):
 
 @dataclass(frozen=True)
 class FileText(Message):
-    """
-    The answer to ``open``.
-
-    :param id: the number of the request
-    :param name: the name of the motion
-    :param text: the text of its file
-    """
+    """The answer to ``open``."""
 
     TYPE: ClassVar[str] = 'file'
     id: Id  # noqa: A003
@@ -305,7 +273,6 @@ class Motions(Message):
     The answer to ``list``, and sent to every page after a file was saved.
 
     :param id: the number of the request; None after a file was saved
-    :param motions: the motions
     """
 
     TYPE: ClassVar[str] = 'motions'
@@ -315,11 +282,7 @@ class Motions(Message):
 
 @dataclass(frozen=True)
 class Driven(Message):
-    """
-    The motion that is driven, or was driven last; sent when it begins, and after ``welcome``.
-
-    :param plan: its plan, with which each page shows the drive, whatever motion its user edits
-    """
+    """The motion that is or was driven last; sent when it begins, and after ``welcome``."""
 
     TYPE: ClassVar[str] = 'driven'
     plan: Plan
@@ -351,7 +314,6 @@ def read_page_message(text: str | bytes) -> Message:
     """
     Read a message from the page.
 
-    :param text: the message
     :raises MessageError: if the text is no valid message
     """
     return from_json(text, PAGE_MESSAGES)

@@ -40,13 +40,7 @@ T = TypeVar('T')
 
 
 class PageWork:
-    """
-    The work for the pages that takes time.
-
-    :param folder: the folder of motion files
-    :param previews: the worker of the previews
-    :param pages: returns the open pages
-    """
+    """The work for the pages that takes time."""
 
     def __init__(
             self, folder: Folder, previews: PreviewWorker,
@@ -62,7 +56,6 @@ class PageWork:
         Begin to handle a message about files or plans; the answer is sent later.
 
         :param page: the page that has sent it
-        :param message: the message
         """
         match message:
             case AskPreview():
@@ -75,11 +68,7 @@ class PageWork:
                 self.spawn(self._list((page,), message.id))
 
     def spawn(self, work: Coroutine[Any, Any, None]) -> None:
-        """
-        Begin a task that ends with the console.
-
-        :param work: the coroutine
-        """
+        """Begin a task that ends with the console."""
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -99,17 +88,12 @@ class PageWork:
         """
         Return the text of a motion.
 
-        :param name: the name of a motion of the package, or the name of a file in the folder
         :raises FolderError: if there is no such motion, or it cannot be read
         """
         return await in_thread(partial(self._folder.read, name))
 
     async def plan(self, text: str) -> Plan | None:
-        """
-        Return the plan of a motion; None if it has none, or there is no time for it.
-
-        :param text: the text of its file
-        """
+        """Return the plan of a motion; None if it has none, or there is no time for it."""
         return (await self._previews.preview(AskPreview(0, text))).plan
 
     def _ask_preview(self, page: Page, ask: AskPreview) -> None:
@@ -155,9 +139,5 @@ class PageWork:
 
 
 async def in_thread(function: Callable[[], T]) -> T:
-    """
-    Run a function in another thread, and return its result.
-
-    :param function: the function
-    """
+    """Run a function in another thread, and return its result."""
     return await asyncio.get_running_loop().run_in_executor(None, function)

@@ -56,10 +56,7 @@ def preview(number: int, text: str, robot: str | None = None, name: str = 'motio
     """
     Check the text of a motion, and plan it as an open loop.
 
-    :param number: the number of the request
-    :param text: the text of a motion file
     :param robot: the name or the path of the robot's profile; None for what the text says
-    :param name: the name of a motion whose text has none
     """
     try:
         file = loads(text, name)
@@ -111,11 +108,7 @@ class PreviewWorker:
         self._lock = asyncio.Lock()
 
     async def preview(self, ask: AskPreview) -> Preview:
-        """
-        Return the preview of a text; it waits for those that were asked for before.
-
-        :param ask: the request
-        """
+        """Return the preview of a text; it waits for those that were asked for before."""
         async with self._lock:
             try:
                 return await asyncio.wait_for(self._exchange(ask), PATIENCE)
@@ -152,7 +145,6 @@ def main(answer: Callable[..., Preview] = preview) -> int:
     """
     Run the worker: read requests from standard input, write previews to standard output.
 
-    :param answer: the function that makes a preview
     :returns: the exit code, when standard input is closed
     """
     lower_priority()

@@ -91,11 +91,7 @@ class Command(Message):
 
 @dataclass(frozen=True)
 class Request(Command):
-    """
-    A command that the drive process answers.
-
-    :param id: the number that the answer repeats
-    """
+    """A command that the drive process answers."""
 
     id: Id  # noqa: A003
 
@@ -121,8 +117,6 @@ class Hand(Command):
 
     :param sequence: larger than in any earlier line of the same process
     :param stamp: the newest stamp that the page has seen [s]
-    :param linear_x: the wanted velocity [m/s]
-    :param angular_z: the wanted angular velocity [rad/s]
     """
 
     TYPE: ClassVar[str] = 'hand'
@@ -134,12 +128,7 @@ class Hand(Command):
 
 @dataclass(frozen=True)
 class Run(Request):
-    """
-    Drive a motion; answered at once with accepted or refused.
-
-    :param text: the text of a motion file (YAML)
-    :param name: the file name for error messages
-    """
+    """Drive a motion; answered at once with accepted or refused."""
 
     TYPE: ClassVar[str] = 'run'
     text: str
@@ -169,11 +158,7 @@ class Resume(Request):
 
 @dataclass(frozen=True)
 class Speed(Request):
-    """
-    Set the speed factor of the console; answered at once.
-
-    :param factor: the factor by which all speeds of a motion are multiplied
-    """
+    """Set the speed factor of the console; answered at once."""
 
     TYPE: ClassVar[str] = 'speed'
     factor: Annotated[float, Range(0.01, 1.0)]
@@ -195,8 +180,6 @@ class Robot(Report):
     """
     The robot; the first line of a drive process, written once.
 
-    :param robot: the name of the robot
-    :param topic: the topic of the velocities
     :param has_odometry: whether the robot reports odometry; without it, no stop is confirmed
     :param max_linear_velocity: the largest forward velocity [m/s]
     :param max_backward_velocity: the largest backward velocity, as a positive number [m/s]
@@ -219,11 +202,7 @@ class Robot(Report):
 
 @dataclass(frozen=True)
 class MotionText(Report):
-    """
-    The motion that is driven; written only beside a drive that began in a terminal.
-
-    :param text: the text of the motion file
-    """
+    """The motion that is driven; written only beside a drive that began in a terminal."""
 
     TYPE: ClassVar[str] = 'motion'
     text: str
@@ -246,7 +225,6 @@ class Answer(Report):
     """
     The answer to a request.
 
-    :param id: the number of the request
     :param is_done: whether the request was accepted or, where it takes time, is complete
     :param text: for the user; with ``is_done`` false, the reason
     :param is_confirmed: for a stop, whether odometry has shown that the robot stands still; None
@@ -265,7 +243,6 @@ class State(Report):
     """
     The state of the drive, at most 20 times a second, and only when something has changed.
 
-    :param state: what the drive process does
     :param motion: the name of the motion that is driven or was driven last; None before any
     :param step: the number of the current step, from 1; None outside a motion
     :param steps: how many steps the motion has; None outside a motion
@@ -273,9 +250,6 @@ class State(Report):
     :param remaining: the time left at the current speed factors [s]
     :param factors: the speed factors, by the name of who has set them
     :param start: the pose at the start of the motion; None outside a motion, or without odometry
-    :param planned: the pose where the robot should be
-    :param driven: the pose where odometry says that the robot is
-    :param velocity: the velocity that was sent last [m/s] and [rad/s]
     :param odometry_age: the age of the newest odometry [s]
     :param battery: the charge of the robot's battery, from 0 to 1; None if the robot does not tell
     :param robot_errors: the errors that the robot reports; None if there are none, or the robot
@@ -319,12 +293,7 @@ class Sent(Report):
 
 @dataclass(frozen=True)
 class Log(Report):
-    """
-    A message of the log.
-
-    :param level: the level
-    :param text: the text
-    """
+    """A message of the log."""
 
     TYPE: ClassVar[str] = 'log'
     level: Literal['debug', 'info', 'warning', 'error']
@@ -344,7 +313,6 @@ def read_command(line: str | bytes) -> Command:
     """
     Read a command from a line; the line may end with a line break.
 
-    :param line: the line
     :raises MessageError: if the line is no valid command
     """
     return from_json(line.rstrip(), COMMANDS)
@@ -354,7 +322,6 @@ def read_report(line: str | bytes) -> Report:
     """
     Read a report from a line; the line may end with a line break.
 
-    :param line: the line
     :raises MessageError: if the line is no valid report
     """
     return from_json(line.rstrip(), REPORTS)
@@ -364,7 +331,6 @@ def write_line(message: Message) -> bytes:
     """
     Return a message as a line, with the line break.
 
-    :param message: a command or a report
     :raises MessageError: if a number of the message is NaN or infinite, or the message is too long
     """
     return to_json(message).encode('ascii') + b'\n'

@@ -61,23 +61,13 @@ class Recording:
             self._steps.append(step)
 
     def motion(self, name: str, description: str = '') -> Motion | None:
-        """
-        Return the recorded motion, without rests at its start and end; None if nothing was driven.
-
-        :param name: the name of the motion
-        :param description: its description
-        """
+        """Return the recorded motion, without rests at both ends; None if nothing was driven."""
         moving = [index for index, step in enumerate(self._steps) if not step.velocity.is_zero]
         if not moving:
             return None
         return Motion(name, tuple(self._steps[moving[0]:moving[-1] + 1]), description)
 
     def text(self, name: str, description: str = '') -> str:
-        """
-        Return the text of a motion file; empty if nothing was driven.
-
-        :param name: the name of the motion
-        :param description: its description
-        """
+        """Return the text of a motion file; empty if nothing was driven."""
         motion = self.motion(name, description)
         return '' if motion is None else dump(motion)

@@ -69,11 +69,7 @@ class Reports:
             self.newest = self._number
 
     def read(self, number: int) -> bytes | None:
-        """
-        Return the page of a report of this console; None if there is no such report.
-
-        :param number: the number of the report
-        """
+        """Return the page of a report of this console; None if there is no such report."""
         if self.newest is None or not 1 <= number <= self.newest:
             return None
         try:

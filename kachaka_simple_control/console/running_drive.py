@@ -29,9 +29,6 @@ class RunningDrive(DriveProcess):
     """
     A drive process that was there before this console; it is never started or ended from here.
 
-    :param reports: the file descriptor from which its reports are read
-    :param commands: the file descriptor to which commands are written
-    :param pid: the ID of the process
     :param on_report: is called with each report
     :param on_change: is called when ``state`` has changed
     :ivar has_ended: is set when the process has ended

@@ -55,11 +55,7 @@ TOKEN_SIZE = 24
 
 
 def is_loopback(host: str) -> bool:
-    """
-    Return whether only programs of this machine can connect to an address.
-
-    :param host: an IP address or a host name
-    """
+    """Return whether only programs of this machine can connect to an address."""
     try:
         return ipaddress.ip_address(host.strip('[]')).is_loopback
     except ValueError:
@@ -67,13 +63,7 @@ def is_loopback(host: str) -> bool:
 
 
 def allowed_hosts(host: str, port: int, names: Iterable[str] = ()) -> frozenset[str]:
-    """
-    Return the values of the header field Host with which a browser may ask for this console.
-
-    :param host: the address at which the console listens
-    :param port: the port at which it listens
-    :param names: further host names or addresses of this machine
-    """
+    """Return the values of the header field Host with which a browser may ask for this console."""
     hosts = {'127.0.0.1', 'localhost', '::1', host, *names}
     if host in ('0.0.0.0', '::'):
         own = socket.gethostname()
@@ -82,32 +72,19 @@ def allowed_hosts(host: str, port: int, names: Iterable[str] = ()) -> frozenset[
 
 
 def bracketed(host: str) -> str:
-    """
-    Return a host as it is written in a URL, with brackets around an IPv6 address.
-
-    :param host: an IP address or a host name
-    """
+    """Return a host as it is written in a URL, with brackets around an IPv6 address."""
     return f'[{host}]' if ':' in host and not host.startswith('[') else host
 
 
 @dataclass(frozen=True)
 class Tokens:
-    """
-    The secrets of the two links; who has one may see the page, who has the driver's may drive.
-
-    :param driver: the secret of the driver's link
-    :param viewer: the secret of the viewer's link
-    """
+    """The secrets of the two links: each shows the page, the driver's one may drive."""
 
     driver: str = field(default_factory=lambda: secrets.token_urlsafe(TOKEN_SIZE), repr=False)
     viewer: str = field(default_factory=lambda: secrets.token_urlsafe(TOKEN_SIZE), repr=False)
 
     def role(self, token: str) -> Role | None:
-        """
-        Return what somebody with a token may do; None if it is no token of this console.
-
-        :param token: the token
-        """
+        """Return what somebody with a token may do; None if it is no token of this console."""
         # Each comparison takes the same time, wherever the texts differ.
         given = token.encode('utf-8', 'surrogatepass')
         is_driver = secrets.compare_digest(given, self.driver.encode())
@@ -120,9 +97,7 @@ class Access:
     """
     Who may do what.
 
-    :param hosts: the allowed values of the header field Host
     :param tokens: the secrets; None if everybody who can connect may drive
-    :param port: the port of the console, which is a part of the cookie's name
     """
 
     hosts: frozenset[str]
@@ -136,11 +111,7 @@ class Access:
         return f'kachaka_console_{self.port}'
 
     def is_own_host(self, host: str | None) -> bool:
-        """
-        Return whether a request is for this console.
-
-        :param host: the header field Host
-        """
+        """Return whether a request is for this console."""
         return host is not None and host.lower() in self.hosts
 
     def is_own_origin(self, origin: str | None) -> bool:
@@ -153,21 +124,12 @@ class Access:
         return bool(separator) and scheme == 'http' and host in self.hosts
 
     def is_same_origin(self, origin: str | None, host: str | None) -> bool:
-        """
-        Return whether a request comes from a page that was loaded by the same name.
-
-        :param origin: the header field Origin
-        :param host: the header field Host
-        """
+        """Return whether a request comes from a page that was loaded by the same name."""
         return (self.is_own_host(host) and self.is_own_origin(origin)
                 and (origin or '').lower() == f'http://{(host or "").lower()}')
 
     def role(self, cookies: str | None) -> Role | None:
-        """
-        Return what the sender of a request may do; None if it may not even look.
-
-        :param cookies: the header field Cookie
-        """
+        """Return what the sender of a request may do; None if it may not even look."""
         if self.tokens is None:
             return 'driver'
         try:
@@ -177,42 +139,25 @@ class Access:
         return None if found is None else self.tokens.role(found.value)
 
     def set_cookie(self, token: str) -> str:
-        """
-        Return the header field Set-Cookie that keeps a token in the browser.
-
-        :param token: a token of this console
-        """
+        """Return the header field Set-Cookie that keeps a token in the browser."""
         return f'{self.cookie}={token}; Path=/; HttpOnly; SameSite=Strict'
 
 
 class RateLimit:
-    """
-    A limit of how often something may happen; short bursts are allowed.
-
-    :param rate: how often it may happen [Hz]; as many may happen at once after a quiet second
-    :param now: the time [s]
-    """
+    """A limit of how often something may happen; short bursts are allowed."""
 
     def __init__(self, rate: float, now: float) -> None:
         self._rate, self._left, self._time = rate, rate, now
 
     def allows(self, now: float) -> bool:
-        """
-        Return whether it may happen now; if so, it counts.
-
-        :param now: the time [s]
-        """
+        """Return whether it may happen now; if so, it counts."""
         if not self.has_left(now):
             return False
         self._left -= 1.0
         return True
 
     def has_left(self, now: float) -> bool:
-        """
-        Return whether it may happen now, without counting it.
-
-        :param now: the time [s]
-        """
+        """Return whether it may happen now, without counting it."""
         self._left = min(self._rate, self._left + (now - self._time) * self._rate)
         self._time = now
         return self._left >= 1.0

@@ -61,11 +61,7 @@ _FORWARD = (b'<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" co
 
 
 def static_files() -> dict[str, tuple[str, bytes]]:
-    """
-    Read the files of the page.
-
-    :returns: the type and the contents of each, by path
-    """
+    """Read the files of the page."""
     found: dict[str, tuple[str, bytes]] = {}
 
     def collect(folder: Any, prefix: str) -> None:
@@ -249,11 +245,7 @@ class PageSocket(_Guarded, tornado.websocket.WebSocketHandler):
         self.hub.close_page(self)
 
     def send(self, message: Message) -> None:
-        """
-        Send a message to the page; close a page that does not take its messages.
-
-        :param message: the message
-        """
+        """Send a message to the page; close a page that does not take its messages."""
         if not self._is_open:
             return
         try:
@@ -287,11 +279,8 @@ class ConsoleServer:
     """
     The web server of a hub.
 
-    :param hub: the hub
-    :param host: the address at which to listen
     :param port: the port; 0 for any that is free
     :param tokens: the secrets of the links; None if everybody who can connect may drive
-    :param names: further host names of this machine
     :raises OSError: if it cannot listen there
     """
 

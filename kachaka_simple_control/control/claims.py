@@ -60,10 +60,8 @@ class ClaimedError(Exception):
     """
     A claim on a robot cannot be taken, because another program or node holds it already.
 
-    :param holder: a text that describes the holder, if possible with the time when it took the
-        claim; this text is the error message
-    :param is_own: True if the holder is another node in this process; False if it is another
-        program
+    :param holder: who holds it, if possible since when; the text of the error
+    :param is_own: whether the holder is another node in this process
     """
 
     def __init__(self, holder: str, is_own: bool) -> None:
@@ -75,14 +73,11 @@ class MachineClaim:
     """
     A claim on one robot, which lets only one program on this machine drive the robot.
 
-    The claim is an abstract Unix socket that is bound to a name.  The kernel gives a name to only
-    one socket at a time.  It frees the name when all processes that have the socket open have
-    ended, normally or not.
-
-    The guardian is a separate process that stops the robot if the program cannot.  It inherits the
-    socket.  So if the program is killed, the claim lasts until the guardian has stopped the robot.
-    A frozen program keeps its claim.  Only Linux has abstract sockets; on other systems every
-    claim is granted.
+    It is an abstract Unix socket that is bound to a name.  The kernel gives a name to one socket
+    at a time, and frees it when all processes that have the socket open have ended, normally or
+    not. The guardian inherits the socket, so the claim of a killed program lasts until its robot
+    was stopped.  A frozen program keeps its claim.  Without abstract sockets (only Linux has them)
+    every claim is granted.
     """
 
     def __init__(self) -> None:
@@ -98,12 +93,7 @@ class MachineClaim:
         call_in_forked_children(self._close_in_child)
 
     def fileno(self) -> int:
-        """
-        Return the file descriptor of the socket that is bound to the claimed name.
-
-        A child process that inherits this descriptor also keeps the claim, until the child process
-        ends.
-        """
+        """Return the descriptor of the socket; a process that inherits it keeps the claim."""
         return self._socket.fileno()
 
     def _close_in_child(self) -> None:
@@ -111,15 +101,12 @@ class MachineClaim:
 
     def take(self, name: str, who: str) -> None:
         """
-        Take the claim on a robot for this program, unless this object holds the claim already.
+        Take the claim on a robot, unless this object holds it already.
 
-        If the previous holder has ended, its guardian may still be stopping the robot.  The
-        guardian is a separate process that stops the robot if the program cannot.  In this case
-        wait up to GUARDIAN_LEAVE_TIMEOUT until the guardian releases the claim.
+        The guardian of a holder that has ended may still stop the robot: wait for it, up to
+        GUARDIAN_LEAVE_TIMEOUT.
 
-        :param name: a name for the robot; all programs use the same name for the same robot
-        :param who: a description of this program, which other programs show to their users: one
-            line, at most 1000 bytes
+        :param who: what other programs show to their users: one line, at most 1000 bytes
         :raises ClaimedError: if another program, or another node in this process, holds the claim
         """
         if self._is_held or not sys.platform.startswith('linux'):
@@ -135,12 +122,7 @@ class MachineClaim:
         self._who.put(who)
 
     def release(self) -> None:
-        """
-        Close the socket, so that this process no longer holds the claim on the robot.
-
-        After this, the object cannot take a claim again.  A child process that has inherited the
-        socket still keeps the claim.
-        """
+        """Close the socket for good; a child that has inherited it keeps the claim."""
         # close() alone does not wake the thread in accept(), and the socket would stay open.
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
@@ -168,10 +150,9 @@ def _holder(address: bytes) -> tuple[str, int, bool]:
     """
     Ask the holder of a claim, a program on this machine, to describe itself.
 
-    :param address: the address of the Unix socket that the holder has bound
-    :returns: the description of the holder, its process number, and whether it answered in time.
-        The process number is 0 if the holder runs in a container with its own process numbers.  It
-        is -1 if the holder does not listen on the socket yet, or has just ended
+    :returns: its description, its process number, and whether it answered in time.  The number is
+        0 if it has process numbers of its own (in a container), -1 if it does not listen yet or
+        has ended
     """
     with socket.socket(socket.AF_UNIX) as client:
         client.settimeout(CLAIM_ANSWER_TIMEOUT)
@@ -189,12 +170,7 @@ def _holder(address: bytes) -> tuple[str, int, bool]:
 
 
 def _serve(server: socket.socket, taken: SimpleQueue[str]) -> None:
-    """
-    Send the description of this program to each client, until the claim is released.
-
-    :param server: the socket of the claim on the robot, to which other programs connect
-    :param taken: gives the description of this program when it has taken the claim
-    """
+    """Send the description of this program to each client, until the claim is released."""
     who = taken.get()
     while who:
         try:
@@ -210,10 +186,7 @@ class Claim:
     """
     A claim on a robot, in the form in which a program publishes it on the network.
 
-    :param participant: the DDS participant of the program, in hexadecimal digits
-    :param state: RELEASED (the program does not want the robot), WANTED (it requests the robot) or
-        HELD (it has the robot)
-    :param who: a text that describes the program, and says since when it claims the robot
+    :param state: RELEASED, WANTED or HELD
     """
 
     participant: str
@@ -240,11 +213,7 @@ class Claim:
 
 
 class Claims:
-    """
-    The claims on a robot that other programs published during the last CLAIM_TIMEOUT.
-
-    :param participant: the DDS participant of this program, in hexadecimal digits
-    """
+    """The claims on a robot that other programs published during the last CLAIM_TIMEOUT."""
 
     def __init__(self, participant: str) -> None:
         self._participant = participant
@@ -252,12 +221,7 @@ class Claims:
         self._received: dict[str, tuple[float, Claim]] = {}
 
     def on_claim(self, claim: Claim, now: float) -> None:
-        """
-        Store a claim that was received from the network; ignore this program's own claim.
-
-        :param claim: the claim
-        :param now: when the claim was received [s]
-        """
+        """Store a claim that was received from the network; ignore this program's own claim."""
         if claim.participant == self._participant:
             return
         self._received.pop(claim.participant, None)
@@ -266,27 +230,15 @@ class Claims:
             self._received.pop(next(iter(self._received)))
 
     def holder(self, now: float) -> Claim | None:
-        """
-        Return the claim of another program that has the robot.
-
-        :param now: the time [s]; a claim that was received more than CLAIM_TIMEOUT before is
-            ignored
-        :returns: the claim, which has the state HELD; None if no other program has the robot
-        """
+        """Return the newest HELD claim of another program; None if there is none."""
         return next((claim for claim in self._current(now) if claim.state == HELD), None)
 
     def blocking_claim(self, now: float) -> Claim | None:
         """
-        Return the claim of another program that prevents this program from getting the robot.
+        Return the claim of another program that keeps the robot from this one; None without one.
 
-        If several programs request the robot at the same time, the program whose DDS participant
-        is first in alphabetical order gets it.
-
-        :param now: the time [s]; a claim that was received more than CLAIM_TIMEOUT before is
-            ignored
-        :returns: a claim in the state HELD, if another program has the robot.  Otherwise a claim
-            in the state WANTED, if another program requests the robot and its participant is
-            before the participant of this program.  Otherwise None
+        Of programs that want the robot at the same time, the one whose DDS participant is first in
+        alphabetical order gets it.
         """
         wanted = (claim for claim in self._current(now)
                   if claim.state == WANTED and claim.participant < self._participant)

@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Release several robots at the same time, even while Python shuts down.
-
-Each robot has a close function, which stops and releases this robot.
-"""
+"""Release several robots at the same time, even while Python shuts down."""
 
 from __future__ import annotations
 
@@ -31,8 +27,8 @@ class Closers:
     """
     A list of functions that stop and release robots; ``close_all`` calls them in parallel.
 
-    ``add`` starts a thread for each function early, because from Python 3.12 on, no thread can
-    start while Python shuts down.  The thread waits for ``close_all``.
+    ``add`` starts a thread for each, which waits for ``close_all``: from Python 3.12 on, no thread
+    can start while Python shuts down.
     """
 
     def __init__(self) -> None:
@@ -40,13 +36,10 @@ class Closers:
 
     def add(self, close: Close, group: object) -> None:
         """
-        Add a close function, and start the thread that calls it later.
+        Add a close function; do nothing if Python shuts down already.
 
-        Do nothing if Python shuts down already, because then no thread can start.
-
-        :param close: the function; it may be called more than once, and from any thread
-        :param group: any object, for example a ROS context; ``close_all`` can select the functions
-            that were added with the same object
+        :param close: it may be called more than once, and from any thread
+        :param group: any object, for example a ROS context, by which ``close_all`` can select
         """
         closer = _Closer(close, group)
         with contextlib.suppress(RuntimeError):  # the program ends already: no thread can start
@@ -63,8 +56,7 @@ class Closers:
         """
         Call all close functions at the same time, wait until they have returned, and remove them.
 
-        :param group: call and remove only the functions that were added with this object; None for
-            all functions
+        :param group: only those that were added with it; None for all
         """
         chosen = [closer for closer in [*self._closers.values()]
                   if group is None or closer.group is group]
@@ -81,12 +73,7 @@ class Closers:
 
 
 class _Closer(threading.Thread):
-    """
-    A thread that first waits, and then either calls a close function or ends without the call.
-
-    :param close: the close function
-    :param group: an object by which ``close_all`` can select this function
-    """
+    """A thread that waits, and then calls a close function or ends without the call."""
 
     def __init__(self, close: Close, group: object) -> None:
         super().__init__(name='closer', daemon=True)
@@ -95,10 +82,6 @@ class _Closer(threading.Thread):
         self.is_wanted: SimpleQueue[bool] = SimpleQueue()
 
     def run(self) -> None:
-        """
-        Wait for a value in the queue ``is_wanted``.
-
-        If the value is True, call the close function.  If it is False, do nothing.
-        """
+        """Wait for the word whether the function is to be called."""
         if self.is_wanted.get():
             self.close()

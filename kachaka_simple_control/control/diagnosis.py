@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Define the diagnosis of one component, with the same contents as in ``diagnostic_msgs``.
-
-This module does not import ROS, so code that runs without ROS can use it.
-"""
+"""The diagnosis of one component: the contents of ``diagnostic_msgs``, without ROS."""
 
 from __future__ import annotations
 
@@ -32,13 +28,7 @@ class Level(IntEnum):
 
 
 class Diagnosis(NamedTuple):
-    """
-    The diagnosis of one component, for example of the connection to the robot.
-
-    :param level: the severity of the most severe finding
-    :param message: the most severe finding, in one sentence
-    :param values: further values to show, as a mapping from the name of each value to its text
-    """
+    """The diagnosis of one component, for example of the connection to the robot."""
 
     level: Level
     message: str

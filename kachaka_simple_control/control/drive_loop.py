@@ -14,9 +14,7 @@
 """
 The loop of the thread that drives one or more robots.
 
-The loop sleeps until a velocity or a check for faults is due, or until another thread wakes it.
-During a drive, Python's garbage collector does not search the objects that existed before the
-drive, because a long search would delay the velocities.
+It sleeps until a velocity or a check for faults is due, or another thread wakes it.
 """
 
 from __future__ import annotations
@@ -42,8 +40,7 @@ class Sleeper:
     """
     Sleeps for a given time; another thread can end the sleep early.
 
-    The class waits with ``select``.  It does not use a Python lock, because before Python 3.11 the
-    timeout of a lock depends on the wall clock, which somebody may set.
+    It waits with ``select``: before Python 3.11 the timeout of a lock depends on the wall clock.
     """
 
     def __init__(self) -> None:
@@ -53,22 +50,14 @@ class Sleeper:
         self._sources = [self._reader]
 
     def sleep(self, duration: float) -> None:
-        """
-        Sleep for a time, or until another thread calls ``wake``.
-
-        :param duration: how long to sleep at most [s]
-        """
+        """Sleep for a time [s], or until another thread calls ``wake``."""
         if self._reader >= FD_SETSIZE:
             time.sleep(min(duration, 0.01))  # select takes no descriptor above 1023
         elif select.select(self._sources, (), (), duration)[0]:
             os.read(self._reader, 4096)
 
     def wake(self) -> None:
-        """
-        End the current sleep; if no sleep is running, make the next sleep end at once.
-
-        Any thread may call this.
-        """
+        """End the sleep, or the next one if there is none; any thread may call this."""
         # If the pipe is full, the sleep ends anyway.  No error here may delay a stop.
         with contextlib.suppress(OSError):
             os.write(self._writer, b'\0')
@@ -84,14 +73,10 @@ class DriveLoop:
     """
     Drives one or more robots in the thread that calls ``run``.
 
-    The loop does not poll.  Each drive (an object of the class ``RobotDrive``) returns the time
-    when the loop must call it next, and the loop sleeps until this time.  ``wake`` ends the sleep
-    early.  A stop does not wait for the thread of the loop: the thread that requests the stop
-    sends the first zero velocity itself.
+    The loop does not poll: each ``RobotDrive`` says when it must be called next.  A stop does not
+    wait for this thread: the thread that requests it sends the first zero velocity itself.
 
-    :param clock: the steady clock [s]
-    :param sleep: a function that sleeps for a time [s]; None to use a ``Sleeper``.  The method
-        ``wake`` can end only the sleep of a ``Sleeper`` early
+    :param sleep: sleeps for a time [s]; None for a ``Sleeper``, the only one that ``wake`` can end
     """
 
     def __init__(
@@ -103,12 +88,7 @@ class DriveLoop:
         self._woken: deque[RobotDrive] = deque()
 
     def wake(self, drive: RobotDrive) -> None:
-        """
-        Make ``run`` call the method ``step`` of a drive at once, before the drive is due.
-
-        This is needed after another thread has ended the drive, or has given it a new velocity.
-        Any thread may call this.
-        """
+        """Make ``run`` call a drive at once, ended or with a new velocity; for any thread."""
         self._woken.append(drive)
         # Another thread may call ``close``: this reference keeps the pipe open meanwhile.
         if (sleeper := self._sleeper) is not None:
@@ -122,17 +102,14 @@ class DriveLoop:
             self, drives: Sequence[RobotDrive],
             on_failure: Callable[[RobotDrive, Exception], None] | None = None) -> None:
         """
-        Drive one or more robots until all drives have ended.
+        Drive robots until all drives have ended.
 
-        Before this call, begin each drive with ``RobotDrive.begin``.  After this call, even if it
-        raised an error, send zero velocities to each robot until the command timeout of the robot
-        has passed.  If there are several drives, and an error ends one or all of them, this method
-        sends one zero velocity at once to the robot of each ended drive.
+        Each drive has begun already.  Afterwards, even after an error, the caller sends zero
+        velocities to each robot until its command timeout has passed.  If an error ends one or all
+        of several drives, their robots get one zero velocity at once.
 
-        :param drives: the drives, one for each robot
-        :param on_failure: a function that is called in this thread with a drive and the error that
-            ended it; the other drives continue.  If it is None, an error of one drive ends all
-            drives
+        :param on_failure: called in this thread with a drive and the error that ended it; the
+            others continue.  None: the error of one drive ends all
         :raises ControlError: if a drive could not continue and ``on_failure`` is None
         """
         following = dict.fromkeys(range(len(drives)), 0.0)
@@ -171,11 +148,8 @@ class DriveLoop:
         """
         Schedule each drive that was passed to ``wake``, so that the loop calls it next.
 
-        :param drives: all drives
-        :param following: the time of the next call of each drive, by the index of the drive;
-            changed in place
-        :param heap: the scheduled calls as time and index of the drive, the earliest first;
-            changed in place
+        :param following: the time of the next call of each drive, by its index; changed in place
+        :param heap: the scheduled calls as time and index, the earliest first; changed in place
         """
         while self._woken:
             drive = self._woken.popleft()
@@ -199,12 +173,8 @@ def old_objects_frozen() -> Iterator[None]:
     """
     Exclude all objects that exist now from garbage collection during a ``with`` block.
 
-    The reason: the garbage collector takes 150 ms to search a million objects (measured), and no
-    other code of the process runs in this time.
-
-    Several such blocks may overlap, in one thread or in several threads.  The objects are excluded
-    when the first block begins.  The collector gets its earlier settings back when the last block
-    ends.
+    To search a million objects takes 150 ms (measured), in which no other code of the process
+    runs. Such blocks may overlap, in several threads: the first begins, the last one restores.
     """
     global _runs  # noqa: PLW0603 (as the collector itself)
     with _lock:

@@ -11,14 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Accept or refuse requests to drive a robot, and requests to resume a paused drive.
-
-Only one drive is accepted at a time.  A request to drive that comes at almost the same time as a
-request to stop is refused.  A request to resume may be refused with a warning.  To resume in spite
-of the warning, the user repeats the request.  A stop cancels a requested drive even before the
-robot moves.
-"""
+"""Accept or refuse requests to drive a robot, and requests to resume a paused drive."""
 
 from __future__ import annotations
 
@@ -39,15 +32,11 @@ from kachaka_simple_control.errors import ControlError, MotionRefusedError, Moti
 @dataclass
 class DriveRequest:
     """
-    An accepted request to drive the robot, and what has happened since this request.
+    An accepted request to drive the robot, and what has happened since.
 
-    :param run: the permission to send the velocities of this drive; a stop cancels it, even before
-        the drive has begun
-    :param thread: the identifier of the thread that requested the drive
-    :param ended: when the drive was complete [s on the steady clock]; None before that time, or if
-        the drive ended early
-    :param stopped_by: if another thread has stopped the robot since this request, an error that
-        describes the stop; otherwise None
+    :param run: a stop cancels it, even before the drive has begun
+    :param ended: when the drive was complete [s]; None before, or if it ended early
+    :param stopped_by: the error that says how another thread has stopped the robot since; or None
     :param period: the time between two velocities of this drive [s]; 0 until its plan is known
     """
 
@@ -60,15 +49,10 @@ class DriveRequest:
 
 class DriveRequests:
     """
-    Accepts or refuses requests to drive, so that only one drive is under way at a time.
+    Accepts or refuses requests to drive: one drive at a time.
 
-    A stop also ends a series of movements.  In a series, one thread requests each movement within
-    one period after its previous movement was complete.  If another thread stops the robot between
-    two movements of a series, the second of these movements is refused.
-
-    :param gate: the velocity gate, the only object that publishes velocities; it creates a run,
-        the permission to send velocities, for each drive
-    :param clock: the steady clock [s]
+    A stop by another thread also ends a series: drives that one thread requests, each within one
+    period after the one before was complete.
     """
 
     def __init__(
@@ -85,13 +69,10 @@ class DriveRequests:
 
     def accept(self) -> DriveRequest:
         """
-        Accept a new drive, unless it must be refused.
+        Accept a new drive; the caller has to call ``finish`` when it has ended.
 
-        The caller has to call ``finish`` when the drive has ended.
-
-        :returns: the accepted request; its ``run`` is needed to send the velocities of the drive
-        :raises ControlError: if another drive is under way, or if the new drive would continue a
-            series of movements that another thread has stopped
+        :raises ControlError: if another drive is under way, or another thread has stopped the
+            series
         """
         if not self._busy.acquire(blocking=False):
             raise MotionRunningError('a motion is running already; wait for its end, or stop it')
@@ -106,25 +87,17 @@ class DriveRequests:
         return request
 
     def finish(self, request: DriveRequest, is_complete: bool) -> None:
-        """
-        Record that a drive has ended, so that the next drive can be accepted.
-
-        :param request: the request that ``accept`` returned for the drive
-        :param is_complete: True if the drive reached its planned end; False if it ended early
-        """
+        """Record that a drive has ended, at its planned end or early."""
         request.ended = self._clock() if is_complete else None
         self._busy.release()
 
     def on_stop(self, reason: ControlError) -> None:
         """
-        Record that the calling thread stops the robot, so that a series of movements ends.
+        Record that the calling thread stops the robot; call this before the drive is cancelled.
 
-        Call this before the drive is cancelled.  A thread may stop its own drive, and then drive
-        again at once.  So if the calling thread has requested the newest drive itself, nothing is
-        recorded.
+        A thread may stop its own drive and then drive again: that is not recorded.
 
-        :param reason: the error that ``accept`` raises if the thread of the newest drive requests
-            its next movement right after the stop
+        :param reason: what ``accept`` raises if the series goes on
         """
         newest = self._newest
         # A thread that stops its own drive may drive again.
@@ -140,14 +113,10 @@ class ResumeConfirmation:
     """
     Decides whether a paused drive may be resumed in spite of a warning.
 
-    A request to resume is refused with a warning if somebody moved the robot during the pause.  To
-    resume all the same, the user repeats the request.  The repeated request must come within
-    RESUME_CONFIRM_TIMEOUT after the newest warning, and at least RESUME_QUIET_TIME after the
-    request before it.  So if a key is held down, the requests that follow each other quickly stay
-    refused.  After a warning, only one repeated request is accepted.  Any thread may call the
-    methods.
-
-    :param clock: the steady clock [s]
+    A request to resume is refused with a warning if somebody moved the robot in the pause.  It is
+    accepted when it is repeated: within RESUME_CONFIRM_TIMEOUT after the warning, and at least
+    RESUME_QUIET_TIME after the request before, so that a key that is held down stays refused.
+    Each warning allows one request.  Any thread may call the methods.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -156,12 +125,7 @@ class ResumeConfirmation:
         self._requested = self._warned = float('-inf')
 
     def on_request(self) -> bool:
-        """
-        Record a request to resume a paused drive, and decide whether it overrides a warning.
-
-        :returns: True if the request was repeated at the right time after a warning, so that the
-            drive may be resumed in spite of the warning
-        """
+        """Record a request to resume, and return whether it overrides a warning."""
         with self._lock:
             now = self._clock()
             is_late_enough = now - self._requested >= RESUME_QUIET_TIME
@@ -172,11 +136,7 @@ class ResumeConfirmation:
             return is_confirmed
 
     def on_warning(self) -> None:
-        """
-        Record that a request to resume was refused with a warning.
-
-        After this, ``on_request`` can allow a repeated request.
-        """
+        """Record that a request was refused with a warning."""
         with self._lock:
             self._warned = self._clock()
 
@@ -185,10 +145,7 @@ class StopRequests:
     """
     Refuses requests that start a motion within a short time after a request to stop.
 
-    A client may request a drive, and directly after it a stop.  The node may process the stop
-    first.  In this case the drive, which is processed second, must not start.
-
-    :param clock: the steady clock [s]
+    A client may request a drive, and directly after it a stop, which the node may process first.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -203,7 +160,7 @@ class StopRequests:
         """
         Check that no client has requested a stop during the last STOP_REQUEST_WINDOW.
 
-        :raises MotionRefusedError: if a stop was requested in this time
+        :raises MotionRefusedError: if one has
         """
         if self._clock() - self._newest < STOP_REQUEST_WINDOW:
             raise MotionRefusedError('a stop came at the same time: call again')

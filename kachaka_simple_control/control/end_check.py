@@ -31,12 +31,7 @@ from kachaka_simple_control.text import quoted
 
 @dataclass(frozen=True)
 class EndTolerance:
-    """
-    How far from the plan a motion may end, by odometry.
-
-    :param distance: the largest distance [m]
-    :param angle: the largest difference of the headings [rad]
-    """
+    """How far from the plan a motion may end, by odometry: distance [m] and angle [rad]."""
 
     distance: float = 0.02
     angle: float = math.radians(3.0)
@@ -44,9 +39,8 @@ class EndTolerance:
     @classmethod
     def parse(cls, text: str) -> EndTolerance:
         """
-        Return the tolerance that a text says.
+        Return the tolerance that a text says, as in ``2cm`` or ``2cm,3deg``.
 
-        :param text: a length, or a length and an angle, as in ``2cm`` or ``2cm,3deg``
         :raises UnitError: if the text is something else
         """
         length, has_angle, angle = (part.strip() for part in text.partition(','))
@@ -66,10 +60,8 @@ class EndCheck:
     """
     Measures how far from the plan a robot came to rest, by odometry.
 
-    Motions that follow each other before the robot has come to rest count as one.  The thread that
-    drives calls ``begin`` and ``on_complete``; any thread may call the others.
-
-    :param odometry: the calibration of the odometry; None if what it reports is true
+    Motions that follow each other without a rest count as one.  The thread that drives calls
+    ``begin`` and ``on_complete``; any thread may call the others.
     """
 
     def __init__(self, odometry: OdometryCalibration | None) -> None:
@@ -94,11 +86,7 @@ class EndCheck:
         self._is_complete = False
 
     def on_complete(self, way: Pose) -> None:
-        """
-        Move the goal on by a plan that was driven to its end.
-
-        :param way: the end pose of the plan, relative to its start
-        """
+        """Move the goal on by the way of a plan that was driven to its end."""
         if self._goal is not None:
             self._goal, self._is_complete = compose(self._goal, way), True
 
@@ -106,8 +94,7 @@ class EndCheck:
         """
         Return how far from the goal the robot rests, and forget the goal.
 
-        :returns: the distance, and the heading minus that of the goal; None if the last motion was
-            not driven to its end, or without odometry
+        :returns: None if the last motion was not driven to its end, or without odometry
         """
         is_complete, self._is_complete = self._is_complete, False
         if not is_complete or self._goal is None or self._floor is None:
@@ -116,12 +103,7 @@ class EndCheck:
 
 
 def describe_end(error: Displacement, tolerance: EndTolerance) -> str | None:
-    """
-    Return a sentence about an end that is too far from the plan; None if it is near enough.
-
-    :param error: how far the robot rests from the planned end
-    :param tolerance: how far it may
-    """
+    """Return a sentence about an end that is too far from the plan; None if it is near enough."""
     if error.distance <= tolerance.distance and abs(error.angle) <= tolerance.angle:
         return None
     return (

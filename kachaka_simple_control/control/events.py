@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The events of a drive: objects that tell logs, displays and other subscribers what happened.
+The events of a drive, which tell logs, displays and other subscribers what happened.
 
-Subscribers receive the events in order of time.
+Subscribers receive them in order of time.  All times are on the steady clock [s].
 """
 
 from __future__ import annotations
@@ -34,26 +34,13 @@ class SessionStarted:
     """
     A program has started to use a robot; this is always the first event.
 
-    :param title: name of the motion
-    :param robot: name of the robot
-    :param limits: the limits of velocity and acceleration of the robot
-    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
-    :param epoch: the time since 1970 minus the time on the steady clock, at the same moment [s]
-    :param velocity_topic: the name of the velocity topic, after namespace and remapping were
-        applied
-    :param odometry_topic: the name of the odometry topic, after namespace and remapping were
-        applied; None without odometry
-    :param message_type: the type of velocity messages: Twist or TwistStamped
-    :param frame: the frame in the header of a TwistStamped
+    :param epoch: the time since 1970 minus the steady clock, at the same moment [s]
+    :param odometry_topic: after namespace and remapping; None without odometry
     :param footprint: the outline of the robot; None if it is unknown
-    :param settings: the values of the node's ROS parameters, by name
-    :param versions: the versions of the program and its dependencies, by name
     :param command: the command line; empty if there was none
     :param motion_source: the path of the motion file; empty if the motion is not from a file
     :param motion_text: the text of the motion file; None if the motion is not from a file
-    :param movement_count: how many motions the program will drive, one for each call of the
-        function ``move_robot``; None if unknown
-    :param has_keys: whether keys at the terminal can pause, slow down and stop the robot
+    :param movement_count: how many motions the program will drive; None if unknown
     """
 
     title: str
@@ -78,16 +65,9 @@ class SessionStarted:
 @dataclass(frozen=True)
 class MotionPlanned:
     """
-    A motion was planned, which means that all its velocities were computed.
+    A motion was planned; the program may have no control of the robot yet.
 
-    If the program has no control of the robot yet, it gets control after this event.  The event
-    does not contain the plan.  A subscriber that needs the plan computes it again: the same
-    motion, limits and rate always give the same plan.
-
-    :param motion: the motion, which is a list of steps such as moves and turns
-    :param limits: the limits of velocity and acceleration that the plan keeps
-    :param rate: how often a velocity is sent [Hz]
-    :param time: when the motion was planned [s on the steady clock]; None if unknown
+    A subscriber that needs the plan computes it: it depends on motion, limits and rate alone.
     """
 
     motion: Motion
@@ -99,11 +79,11 @@ class MotionPlanned:
 @dataclass(frozen=True)
 class MotionStarted:
     """
-    A run, which is one drive of a robot, begins; its first velocity follows this event.
+    A run begins; its first velocity follows this event.
 
-    :param time: when the first velocity of the run is due, called t = 0 [s on the steady clock]
-    :param has_plan: True if the velocities of the run come from the plan of the newest
-        ``MotionPlanned`` event; False if a caller commands them directly, without a plan
+    :param time: t = 0, when the first velocity is due
+    :param has_plan: whether the velocities are those of the newest ``MotionPlanned``; false if a
+        caller commands them
     """
 
     time: float
@@ -136,20 +116,11 @@ class VelocitySent:
     """
     A velocity message was published.
 
-    Many of these messages belong to a run, which is one drive of a robot.  t = 0 is the time when
-    the first velocity of the run was due.
-
-    :param time: when the message was published [s on the steady clock]
-    :param velocity: the velocity in the message
-    :param kind: the purpose of the message, for example to drive a plan or to stop the robot
-    :param due: when the velocity was due [s after t = 0]; None if the message belongs to no run
-    :param plan_time: the point in the plan to which the velocity belongs [s after the start of the
-        plan]; None without a plan
-    :param skipped: how many velocities directly before this one were not sent, because they were
-        too late
-    :param expected: the velocity with which the robot is expected to move after this message.  It
-        is computed from the calibration of the robot, and not measured.  None if it is equal to
-        ``velocity``
+    :param due: when it was due [s after t = 0]; None if it belongs to no run
+    :param plan_time: the point in the plan to which it belongs [s]; None without a plan
+    :param skipped: how many velocities directly before this one were not sent, being too late
+    :param expected: with which the robot is expected to move, by its calibration; None if it is
+        equal to ``velocity``
     """
 
     time: float
@@ -162,45 +133,25 @@ class VelocitySent:
 
     @property
     def is_delayed(self) -> bool:
-        """
-        Return whether a speed factor below 1 has delayed the plan.
-
-        In this case ``plan_time`` (the point in the plan) differs from ``due`` (the time since the
-        start of the drive).  Without a plan the value has no meaning.
-        """
+        """Return whether a speed factor has delayed the plan; no meaning without a plan."""
         return self.plan_time != self.due
 
     @property
     def is_of_run(self) -> bool:
-        """
-        Return whether the velocity belongs to a run, which is one drive of a robot.
-
-        The value is False for a zero velocity of a stop, and for a zero velocity that is sent
-        before a run.
-        """
+        """Return whether it belongs to a run; false for zeros of a stop or before a run."""
         return self.kind in RUN_KINDS
 
 
 @dataclass(frozen=True)
 class StopBegan:
-    """
-    The program begins to stop the robot; the zero velocities of the stop follow this event.
-
-    :param time: when the stop begins [s on the steady clock]
-    """
+    """The program begins to stop the robot; the zero velocities follow this event."""
 
     time: float
 
 
 @dataclass(frozen=True)
 class StopConfirmed:
-    """
-    All zero velocities of a stop were sent, and odometry shows that the robot does not move.
-
-    If the robot has no odometry, the event only says that all zero velocities were sent.
-
-    :param time: when the program noticed this [s on the steady clock]
-    """
+    """All zero velocities of a stop were sent, and odometry, if there is any, shows standstill."""
 
     time: float
 
@@ -208,11 +159,9 @@ class StopConfirmed:
 @dataclass(frozen=True)
 class SpeedFactorChanged:
     """
-    The speed factor, which is the speed of the robot relative to its plan, was changed.
+    The speed factor was changed.
 
-    :param time: when the speed factor was changed [s on the steady clock]
-    :param factors: the factors below 1, by the name of the source that set them, such as a pause
-        or an obstacle sensor; the speed factor is the product of these factors
+    :param factors: the factors below 1, by the name of their source
     """
 
     time: float
@@ -229,9 +178,7 @@ class OdometryReceived:
     """
     The program has received an odometry message.
 
-    :param time: when the message arrived [s on the steady clock]
-    :param pose: the pose of the robot in the frame ``odom``
-    :param velocity: the velocity of the robot in the message
+    :param pose: in the frame ``odom``
     """
 
     time: float
@@ -244,11 +191,9 @@ class MotionEnded:
     """
     The motion of the newest ``MotionPlanned`` event has ended.
 
-    :param time: when the program noticed the end [s on the steady clock].  If the motion was
-        complete, a zero velocity was sent just before this time
+    :param time: just after the zero velocity, if the motion was complete
     :param reason: why the motion ended early; None if it was complete
-    :param is_fault: True if an error ended the motion early; False if somebody requested the end.
-        The value has no meaning if the motion was complete
+    :param is_fault: whether an error ended it early; false if somebody requested the end
     """
 
     time: float
@@ -259,13 +204,10 @@ class MotionEnded:
 @dataclass(frozen=True)
 class SessionEnded:
     """
-    The program has stopped and released the robot; this is the last event.
+    The program has stopped and released the robot; the last event, missing if it was killed.
 
-    The event is missing if the program was killed.
-
-    :param time: when the robot was released [s on the steady clock]
     :param stop_confirmed_after: the time from the start of the last stop until odometry showed
-        that the robot stood still [s]; None if odometry did not show this
+        standstill [s]; None if it did not
     :param signal: the number of the signal that ended the program; None if no signal ended it
     :param error: why the program failed, in one line; None if it did not fail
     """

@@ -12,10 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The node's interface to the guardian, a separate process that stops robots if the node cannot.
+The node's interface to the guardian: one process for all robots of a ROS context.
 
-One guardian process guards all robots of a ROS context.  The node and the guardian share some
-memory.  Each robot has its own part of this memory, called its slot.
+Node and guardian share memory, in which each robot has a slot.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ class SharedByte:
     """
     A byte in memory that two processes can share; reads and writes are atomic.
 
-    :param memory: one writable byte, 0 at the start; None to use memory of this process only
+    :param memory: one writable byte, 0 at the start; None for memory of this process
     """
 
     def __init__(self, memory: bytearray | memoryview | None = None) -> None:
@@ -68,13 +67,11 @@ class SharedByte:
 
 class Latch(SharedByte):
     """
-    A flag that limits a node to zero velocities once it is set; it cannot be cleared.
+    A flag in shared memory that limits a node to zero velocities for good once it is set.
 
-    The node shares the latch with its guardian, a separate process that stops the robot if the
-    node cannot.  The latch also stores when the guardian began to stop the robot.
+    It also stores when the guardian began to stop the robot.
 
-    :param memory: ``Latch.SIZE`` writable bytes, 0 at the start; None to use memory of this
-        process only
+    :param memory: ``Latch.SIZE`` writable bytes, 0 at the start; None for memory of this process
     """
 
     #: size in memory [bytes]: one byte that is 1 if the latch is set, and the time of the
@@ -86,10 +83,9 @@ class Latch(SharedByte):
 
     def trip(self, stop_time: float = 0.0) -> None:
         """
-        Set the latch; from now on the node can send only zero velocities to the robot.
+        Set the latch.
 
-        :param stop_time: when the guardian, a separate process, began to stop the robot [s on the
-            steady clock]; 0 if the node itself stops the robot
+        :param stop_time: when the guardian began to stop the robot [s]; 0 if the node stops it
         """
         if stop_time:
             # Write the time before the byte: a reader that sees the byte set reads a valid time.
@@ -98,11 +94,7 @@ class Latch(SharedByte):
 
     @property
     def guardian_stop_time(self) -> float | None:
-        """
-        Return when the guardian, a separate process, began to stop the robot.
-
-        :returns: the time [s on the steady clock]; None if the guardian has not stopped the robot
-        """
+        """Return when the guardian began to stop the robot [s]; None if it has not."""
         if not self.is_set:
             return None
         stop_time, = struct.unpack_from('d', self._memory, 1)
@@ -111,9 +103,9 @@ class Latch(SharedByte):
 
 class SharedFlag(SharedByte):
     """
-    A flag in memory that two processes can share; either process can set it and clear it.
+    A flag in memory that two processes can share; either can set it and clear it.
 
-    :param memory: one writable byte, 0 at the start; None to use memory of this process only
+    :param memory: one writable byte, 0 at the start; None for memory of this process
     """
 
     def set(self) -> None:  # noqa: A003
@@ -127,14 +119,10 @@ class SharedFlag(SharedByte):
 
 class RobotSlot:
     """
-    The slot of one robot: its part of the memory that the node shares with the guardian.
+    The part of the memory shared with the guardian that belongs to one robot.
 
-    The guardian is a separate process that stops the robot if the node cannot.
-
-    :param memory: the slot: ``RobotSlot.SIZE`` writable bytes
-    :ivar latch: a flag; once it is set, the node can send only zero velocities.  When the guardian
-        stops the robot, it sets this flag before it sends its first zero velocity
-    :ivar sending: a flag that is set while the node waits in a call to DDS
+    :ivar latch: the guardian sets it before it sends its first zero velocity
+    :ivar sending: set while the node waits in a call to DDS
     """
 
     #: size in memory [bytes]: the time of the heartbeat, the latch and the flag, rounded up
@@ -147,11 +135,7 @@ class RobotSlot:
 
     @property
     def heartbeat(self) -> float:
-        """
-        Return the time of the newest heartbeat [s since boot].
-
-        With a heartbeat, the node shows that it still works.
-        """
+        """Return the time of the newest heartbeat [s since boot]."""
         time, = struct.unpack_from('d', self._memory)
         return float(time)
 
@@ -172,12 +156,9 @@ class RobotSlot:
 
 class GuardianMemory:
     """
-    The memory that a node shares with its guardian; each robot has a part of it, its slot.
+    The memory that a node shares with its guardian; each robot has a slot in it.
 
-    The guardian is a separate process that stops robots if the node cannot.
-
-    :param file: the descriptor of the file that is mapped as this memory; its size is
-        ``GuardianMemory.SIZE`` bytes
+    :param file: the descriptor of a file of ``GuardianMemory.SIZE`` bytes
     """
 
     #: the largest number of robots; they use the slots 1 to MAX_ROBOTS, and slot 0 holds the
@@ -195,40 +176,21 @@ class GuardianMemory:
 
     @property
     def check_count(self) -> int:
-        """
-        Return how often the guardian has checked the heartbeats of all robots, modulo 256.
-
-        The guardian is a separate process.  If the count does not change, the guardian is frozen.
-        """
+        """Return how often the guardian has checked the heartbeats, modulo 256."""
         return self._memory[0]
 
     def count_check(self) -> None:
-        """
-        Add 1 to the number of heartbeat checks, modulo 256; only the guardian may call this.
-
-        The guardian is a separate process that checks the heartbeats of the node.
-        """
+        """Add 1 to the number of heartbeat checks, modulo 256; only the guardian may call this."""
         self._memory[0] = (self._memory[0] + 1) % 256
 
     def slot(self, number: int) -> RobotSlot:
-        """
-        Return the slot of one robot: its part of the memory that node and guardian share.
-
-        The guardian is a separate process that stops the robot if the node cannot.
-
-        :param number: the number of the slot, from 1 to ``MAX_ROBOTS``
-        """
+        """Return a slot, from 1 to ``MAX_ROBOTS``."""
         start = number * RobotSlot.SIZE
         return RobotSlot(self._memory[start:start + RobotSlot.SIZE])
 
 
 class NullGuardian:
-    """
-    Replaces the class ``Guardian`` if the ROS parameter ``guardian`` is false.
-
-    The guardian is a separate process that stops the robot if the node cannot.  With this class
-    there is no such process, and most methods do nothing.
-    """
+    """Replaces ``Guardian`` if the ROS parameter ``guardian`` is false: there is no process."""
 
     participants: frozenset[bytes] = frozenset()
     has_searched = is_matched = True
@@ -241,12 +203,7 @@ class NullGuardian:
         self.prime_count = 0
 
     def prime(self) -> None:
-        """
-        Add 1 to ``prime_count``, although nothing is published.
-
-        In the class ``Guardian``, this attribute is the number of zero velocities that the
-        guardian has published on request.  The caller waits for this number.
-        """
+        """Add 1 to ``prime_count``, for which the caller waits, although nothing is published."""
         self.prime_count += 1
 
     def found_publishers(self, _: str) -> set[bytes]:
@@ -263,15 +220,9 @@ class Guardian:
     """
     The node's interface to the guardian, for one robot.
 
-    The guardian is a separate process.  It watches the node from the first heartbeat of a drive
-    until the node has reported the end of the stop.  If the node ends or is silent for too long in
-    this time, the guardian stops the robot.  It also sets the latch: a flag that then limits the
-    node to zero velocities.
-
-    :param process: the guardian process, which guards all robots of the node
-    :param number: the number of the slot, the part of the shared memory that belongs to the robot
-    :param slot: the slot itself
-    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
+    The guardian watches the node from the first heartbeat of a drive until the end of the stop is
+    reported.  If the node ends or is silent for too long meanwhile, it sets the latch and stops
+    the robot.
     """
 
     def __init__(
@@ -299,10 +250,9 @@ class Guardian:
     @property
     def participants(self) -> set[bytes]:
         """
-        Return the DDS participants of the guardian, which is a separate process.
+        Return the guardian's DDS participants.
 
-        There may be several.  If the guardian does not discover a robot in time, it creates one
-        more ROS node, which has its own participant.
+        It makes another node if one does not discover a robot in time.
         """
         return self._process.participants
 
@@ -318,11 +268,9 @@ class Guardian:
 
     def found_publishers(self, topic: str) -> set[bytes]:
         """
-        Return the DDS participants for which the guardian's search has found a velocity publisher.
+        Return the DDS participants of velocity publishers that the guardian's search has found.
 
-        The guardian is a separate process.  It searches once, at its start.
-
-        :param topic: the topic of the publishers, after remapping
+        It searches once, at its start.
         """
         # A copy: another thread may still add to the set.
         return {participant for participant, name in [*self._process.found_publishers]
@@ -331,21 +279,16 @@ class Guardian:
     @property
     def shared_memory(self) -> tuple[int, int] | None:
         """
-        Return the descriptor of the memory shared with the guardian, and the robot's slot number.
+        Return the descriptor of the shared memory, and the robot's slot; None without guardian.
 
-        The slot is the part of this memory that belongs to the robot.  From this slot, another
-        process can read when the guardian began to stop the robot.  After the guardian process has
-        ended, this property is None.
+        Another process can read there when the guardian began to stop the robot.
         """
         file = self._process.shared_file
         return None if file is None else (file, self.number)
 
     def prime(self) -> None:
         """
-        Ask the guardian, a separate process, to publish one zero velocity before the first motion.
-
-        The reason: the first messages of a new publisher may be lost.  So they must not be the
-        messages that stop the robot.
+        Ask the guardian to publish one zero: a new publisher's first messages may be lost.
 
         :raises RunFaultError: if the guardian has ended
         """
@@ -353,10 +296,7 @@ class Guardian:
 
     def heartbeat(self) -> None:
         """
-        Report to the guardian that the thread which sends velocities still works.
-
-        The guardian is a separate process.  If it gets no such report in time during a drive, it
-        stops the robot.
+        Report that the thread which sends velocities still works.
 
         :raises RunFaultError: if the guardian has ended or is frozen
         """
@@ -371,27 +311,18 @@ class Guardian:
             self._process.send(self, GuardianMessage.HEARTBEAT)
 
     def report_stopping(self) -> None:
-        """
-        Report to the guardian that the drive is over, and that the node now sends zero velocities.
-
-        The guardian is a separate process that stops the robot if the node cannot.
-        """
+        """Report that the drive is over, and that the node now sends zero velocities."""
         self._report(GuardianMessage.STOPPING)
 
     def report_stopped(self) -> None:
-        """
-        Report to the guardian that the node has sent all zero velocities of a stop.
-
-        After this, the guardian, a separate process, need not stop the robot if the node ends.
-        """
+        """Report that all zeros of a stop were sent: the guardian need not stop the robot now."""
         self._report(GuardianMessage.STOPPED)
 
     def shutdown(self) -> None:
         """
-        End the guardian's work for this robot, and wait until it can no longer send to the robot.
+        End the guardian's work for this robot, and wait until it can no longer send.
 
-        The guardian is a separate process.  If ``report_stopped`` was not called after the last
-        drive, the guardian first stops the robot.
+        It first stops the robot if ``report_stopped`` was not called after the last drive.
         """
         self._process.remove(self)
 
@@ -401,14 +332,12 @@ class Guardian:
 
     def on_report(self, word: str, value: str) -> None:
         """
-        Process a line that the guardian, a separate process, has printed about this robot.
+        Process a line that the guardian has printed about this robot.
 
-        :param word: what has happened.  ``primed``: the guardian has published a requested zero
-            velocity.  ``matched``: the robot subscribes to the guardian's messages.  ``stopped``:
-            the guardian stops the robot, or has stopped it.  ``left``: the guardian sends nothing
-            more to the robot
-        :param value: why the guardian stopped the robot, if the word is ``stopped``; otherwise
-            unused
+        :param word: ``primed`` (a zero was published on request), ``matched`` (the robot
+            subscribes to the guardian's messages), ``stopped`` (it stops the robot) or ``left``
+            (it sends no more)
+        :param value: why the guardian stopped the robot; otherwise unused
         """
         if word == 'primed':
             self.prime_count += 1
@@ -429,15 +358,12 @@ class GuardianProcess:
     """
     Starts the guardian process, and sends messages to it.
 
-    The guardian stops robots if the node cannot.  It runs in its own session (``setsid``), so
-    Ctrl+C does not reach it.  The messages go through a pipe.  When the node ends, the pipe
-    closes, and the guardian notices this.  A forked child process of the node closes its copy of
-    the pipe at once.  If it kept the copy open, the guardian would not notice the end of the node.
+    It runs in its own session (``setsid``), so Ctrl+C does not reach it.  The messages go through
+    a pipe, whose end shows it that the node has ended; a forked child of the node closes its copy
+    of the pipe at once for that reason.
 
-    :param command: the command that starts the guardian.  Three file descriptors are added as its
-        last arguments: the pipe for messages, the socket for descriptions of robots, and the file
-        of the shared memory
-    :param environment: the environment variables of the guardian
+    :param command: starts the guardian; its last arguments are three descriptors: the pipe for
+        messages, the socket for descriptions of robots, and the file of the shared memory
     """
 
     def __init__(self, command: Sequence[str], environment: dict[str, str]) -> None:
@@ -477,14 +403,8 @@ class GuardianProcess:
         """
         Make the guardian process guard one more robot.
 
-        :param topic: the velocity topic of the robot, after remapping
-        :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
-        :param message_type: the type of velocity messages: Twist or TwistStamped
-        :param frame: the frame in the header of a TwistStamped
-        :param claim: the file descriptor of the claim, a socket that shows other programs that the
-            robot is in use; the guardian keeps it open while it guards the robot
-        :returns: the interface to the guardian for this robot; None if the guardian process has
-            ended, or does not read the description of the robot in time
+        :param claim: the descriptor of the claim, which the guardian keeps open while it guards
+        :returns: None if the guardian has ended, or does not read the robot's description in time
         :raises UsageError: if the process guards MAX_ROBOTS robots already
         """
         with self._adding:
@@ -513,11 +433,9 @@ class GuardianProcess:
         """
         End the guardian's work for one robot; after the last robot, end the guardian process.
 
-        This method waits until the guardian can no longer send to the robot.  If the guardian does
-        not answer in time, it is killed, and the drives of all other robots end with an error.  A
-        guardian that has not started yet gets more time if there are other robots.
-
-        :param guardian: the interface to the guardian for this robot
+        Wait until it can no longer send to the robot.  If it does not answer in time, it is
+        killed, and the drives of all other robots end with an error; one that has not started yet
+        gets more time if there are other robots.
         """
         with contextlib.suppress(RunFaultError):
             self.send(guardian, GuardianMessage.LEAVE)
@@ -543,10 +461,7 @@ class GuardianProcess:
         """
         Send a message about one robot to the guardian process.
 
-        :param guardian: the interface to the guardian for this robot
-        :param message: what to report or to request, for example the end of a stop
-        :raises RunFaultError: if the guardian process has ended or reads nothing, or no longer
-            guards this robot
+        :raises RunFaultError: if it has ended, reads nothing, or no longer guards this robot
         """
         # Its slot may belong to another robot by now.
         has_left = self._guardians.get(guardian.number) is not guardian

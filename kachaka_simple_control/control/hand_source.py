@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Velocities that a person commands directly, by hand, under a lease that lapses.
-
-This module reads no clock of its own: the caller passes the clock.
-"""
+"""Velocities that a person commands directly, by hand, under a lease that lapses."""
 
 from __future__ import annotations
 
@@ -42,18 +38,15 @@ class HandSource:
     Returns the velocities that a person commands by hand, until ``end`` is called.
 
     Each command carries a sequence number and the newest stamp that its sender has received from
-    this object.  So a command that was delayed on its way is recognized by its old stamp, even if
-    the clocks of sender and robot differ, or if one of their programs was frozen meanwhile.  A
-    command is valid until HAND_LEASE_TIME (0.25 s) after its stamp.  If no newer command comes in
-    this time, the velocity is zero at once.  After that, and after a pause, a command of zero must
-    come before any other velocity is accepted: whoever has lost control has to release the stick
-    first.
+    here, so a delayed one is recognized whatever the clocks of the sender say.  It is valid until
+    HAND_LEASE_TIME (0.25 s) after its stamp; then the velocity is zero at once.  After that, and
+    after a pause, a zero must come before any other velocity: whoever has lost control has to
+    release the stick first.
 
-    A zero is sent at once.  All other changes of the velocity keep the limits of acceleration,
-    deceleration and jerk, for the linear and the angular part separately.
+    A zero is sent at once.  All other changes keep the limits of acceleration, deceleration and
+    jerk, for the linear and the angular part separately.
 
-    :param limits: the limits of velocity, acceleration and jerk
-    :param on_change: a function that is called when a velocity must be sent at once
+    :param on_change: called when a velocity must be sent at once
     :param clock: the clock of the stamps [s]; it must also count while the machine is suspended
     """
 
@@ -84,13 +77,9 @@ class HandSource:
 
     def command(self, velocity: Velocity, sequence: int, stamp: float) -> None:
         """
-        Accept a command, which is valid until HAND_LEASE_TIME after its stamp.
+        Accept a command, which is valid until HAND_LEASE_TIME after its stamp; for any thread.
 
-        Any thread may call this.
-
-        :param velocity: the wanted velocity
-        :param sequence: the number of the command; it must be larger than that of all earlier
-            commands
+        :param sequence: larger than those of all earlier commands
         :param stamp: the newest result of ``stamp`` that the sender has received
         :raises MotionRefusedError: if the command is older than an accepted one, was sent too long
             ago, or if a zero must come first
@@ -119,13 +108,7 @@ class HandSource:
         self._on_change()
 
     def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
-        """
-        Return the velocity that is due at a time, and the time when the next velocity is due.
-
-        :param elapsed: the time since the first velocity was due [s]
-        :param factor: the speed relative to the wanted velocity, from 0 to 1
-        :returns: the tick, which is a velocity with its times; None after ``end``
-        """
+        """Return the velocity that is due; None after ``end``."""
         with self._lock:
             if self._is_over:
                 return None
@@ -154,12 +137,7 @@ class HandSource:
             raise MotionRefusedError('control was lost: release the controls first')
 
     def _next(self, elapsed: float, factor: float) -> Velocity:
-        """
-        Return the next velocity between the newest sent one and the wanted one.
-
-        :param elapsed: the time since the first velocity was due [s]
-        :param factor: the speed relative to the wanted velocity, from 0 to 1
-        """
+        """Return the next velocity between the newest sent one and the wanted one."""
         if self._wanted.is_zero:
             self._acceleration = ZERO
             return ZERO
@@ -184,16 +162,7 @@ class HandSource:
 def _ramped(
         before: float, wanted: float, rate: float, duration: float,
         limits: tuple[float, float, float, float]) -> float:
-    """
-    Return the value that is closest to the wanted value, and not too far from the value before.
-
-    :param before: the value before
-    :param wanted: the wanted value
-    :param rate: the rate of change that led to the value before
-    :param duration: the time since the value before [s]
-    :param limits: the largest rate away from zero, the largest rate towards zero, the largest
-        change of the rate per second, and the largest value
-    """
+    """Return the value that is closest to the wanted one, and not too far from the one before."""
     away, towards, jerk, largest = limits
     if before * wanted < 0.0:  # first to zero
         wanted = 0.0

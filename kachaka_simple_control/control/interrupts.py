@@ -30,10 +30,8 @@ def exit_on_interrupt() -> None:
     """
     Make Ctrl+C end the process at once, until ``raise_on_interrupt`` is called.
 
-    Call this function before the program imports its modules, because Ctrl+C during an import
-    would print a traceback or cause another error.  The function does nothing if SIGINT is
-    ignored, if the program has already set its own handler for SIGINT, or if the caller is not the
-    main thread.
+    For the time of imports, in which Ctrl+C would print a traceback.  Nothing is done if SIGINT is
+    ignored or has another handler, or outside the main thread.
     """
     if (threading.current_thread() is threading.main_thread()
             and signal.getsignal(signal.SIGINT) is signal.default_int_handler):
@@ -41,10 +39,6 @@ def exit_on_interrupt() -> None:
 
 
 def raise_on_interrupt() -> None:
-    """
-    Make Ctrl+C raise KeyboardInterrupt again, after a call of ``exit_on_interrupt``.
-
-    Do nothing if ``exit_on_interrupt`` has not changed the handler of SIGINT.
-    """
+    """Undo ``exit_on_interrupt``: Ctrl+C raises KeyboardInterrupt again."""
     if signal.getsignal(signal.SIGINT) is _exit:
         signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -14,9 +14,8 @@
 """
 Make standard output and standard error non-blocking: text that cannot be written is dropped.
 
-A full pipe, or a terminal after Ctrl+S, blocks each write without end.  The logger of ROS writes
-in C code and holds Python's interpreter lock during the write.  So while this write is blocked, no
-other thread can run, not even a thread that stops a robot.
+A full pipe, or a terminal after Ctrl+S, blocks each write without end.  The logger of ROS holds
+Python's interpreter lock during its write, so not even a thread that stops a robot could run.
 """
 
 from __future__ import annotations
@@ -46,8 +45,7 @@ def open_closed_streams() -> None:
     """
     Open ``/dev/null`` for each standard stream that is closed.
 
-    Without this, the next file or socket that the program opens gets the file descriptor of the
-    closed stream.  Text for the stream would then be written into this file or socket.
+    Else the next file or socket would get its descriptor, and the text of the stream.
     """
     for name, mode in ('stdin', 'r'), ('stdout', 'w'), ('stderr', 'w'):
         if getattr(sys, name) is None:
@@ -64,15 +62,11 @@ def escape_unencodable() -> None:
 
 def make_nonblocking(*descriptors: int) -> None:
     """
-    Make outputs of this process non-blocking, and drop text that cannot be written.
+    Make outputs of this process (descriptors 1, 2) non-blocking, and drop text that has no room.
 
-    Processes that share an open file also share its flag ``O_NONBLOCK``.  If this program set the
-    flag directly, the shell would keep it after the end of this program.  So this function opens
-    the output a second time, and sets the flag there.  If this is not possible (a socket, or the
-    terminal of another user), it sets the shared flag until this program exits.  Regular files are
-    not changed.
-
-    :param descriptors: the file descriptors: 1 (standard output), 2 (standard error) or both
+    Processes that share an open file share its flag ``O_NONBLOCK``, and the shell would keep it.
+    So the output is opened a second time.  Where that fails (a socket, another user's terminal),
+    the shared flag is set until this program exits.  Regular files are not changed.
     """
     open_closed_streams()
     for descriptor in filter(_may_block, descriptors):
@@ -84,23 +78,16 @@ def make_nonblocking(*descriptors: int) -> None:
 
 def make_log_nonblocking() -> None:
     """
-    Make the output to which the ROS logger writes non-blocking.
+    Make the output of the ROS logger non-blocking.
 
-    This is standard error.  If the environment variable ``RCUTILS_LOGGING_USE_STDOUT`` is 1, both
-    standard output and standard error are made non-blocking.
+    That is standard error, or both with ``RCUTILS_LOGGING_USE_STDOUT=1``.
     """
     to_stdout = os.environ.get('RCUTILS_LOGGING_USE_STDOUT') == '1'
     make_nonblocking(*[STDOUT, STDERR] if to_stdout else [STDERR])
 
 
 def make_blocking(descriptor: int) -> None:
-    """
-    Make an output of this process blocking, if the process has inherited it as non-blocking.
-
-    Other processes that use the same output are not affected.
-
-    :param descriptor: the file descriptor of the output
-    """
+    """Make an inherited output blocking, for this process alone."""
     if _is_nonblocking(descriptor):
         with contextlib.suppress(OSError):
             _reopen(descriptor, 0)
@@ -108,9 +95,9 @@ def make_blocking(descriptor: int) -> None:
 
 def discard_unread() -> None:
     """
-    Write the buffered text of standard output, and drop the text that nobody reads in time.
+    Write the buffered text of standard output, and drop what nobody reads in time.
 
-    Call this when Python exits.  Otherwise Python could wait for ever until somebody reads.
+    Python would wait for a reader for ever at its exit.
     """
     if not _may_block(STDOUT):
         return
@@ -129,8 +116,6 @@ def print_result(text: str, name: str) -> None:
 
     A reader that has ended, such as ``head``, is no error.
 
-    :param text: the text
-    :param name: what the text is, for the error message
     :raises RunFaultError: if the text cannot be written, such as to a full disk
     """
     problem = None
@@ -150,12 +135,9 @@ def print_result(text: str, name: str) -> None:
 
 def has_room(descriptor: int, timeout: float = 0.0) -> bool:
     """
-    Wait until a write to an output would not block, or until a timeout.
+    Wait until a write to an output would not block, and return whether it would not.
 
-    :param descriptor: the file descriptor of the output
-    :param timeout: how long to wait [s]
-    :returns: True if a write would not block.  This includes an output that nobody reads any
-        longer, because a write to it fails at once
+    A write to an output that nobody reads any longer does not block: it fails at once.
     """
     poll = select.poll()
     poll.register(descriptor, select.POLLOUT)
@@ -166,12 +148,10 @@ class NonblockingStream(io.RawIOBase):
     """
     An unbuffered output stream that drops data which cannot be written in time.
 
-    A write waits up to FLUSH_TIMEOUT until the output has room for data.  After such a timeout,
-    each write drops its data at once if the output still has no room.  If the reader has closed
-    its end of a pipe, data is dropped without an error.
+    A write waits up to FLUSH_TIMEOUT for room; after such a timeout, each drops its data at once
+    while there is none.  A reader that has closed its end of a pipe is no error.
 
-    :param descriptor: the non-blocking file descriptor to write to; the stream never closes it
-    :param name: the name of the stream
+    :param descriptor: non-blocking; never closed here
     """
 
     mode = 'wb'
@@ -194,11 +174,7 @@ class NonblockingStream(io.RawIOBase):
         return True
 
     def write(self, data: Any, /) -> int:
-        """
-        Write data, and drop the part that cannot be written in time.
-
-        :returns: the length of all data, including the dropped part [bytes]
-        """
+        """Write data; return its length [bytes], the dropped part included."""
         rest = memoryview(data).cast('B')
         count = len(rest)
         self._is_stuck = self._is_stuck and not has_room(self._descriptor)
@@ -274,11 +250,7 @@ def _replace_stream(descriptor: int) -> None:
     """
     Replace ``sys.stdout`` or ``sys.stderr`` with a stream that drops text if there is no room.
 
-    The reason: Python's own stream raises BlockingIOError if it writes to a full non-blocking
-    output.
-
-    :param descriptor: the file descriptor of the stream: 1 for standard output, 2 for standard
-        error
+    Python's own raises BlockingIOError there.
     """
     name = STREAMS[descriptor]
     original: TextIO | None = getattr(sys, f'__{name}__')
@@ -304,10 +276,9 @@ def _replace_stream(descriptor: int) -> None:
 @contextlib.contextmanager
 def print_only_on_success() -> Iterator[None]:
     """
-    Hold back text for standard error during a ``with`` block.
+    Hold back text for standard error in a ``with`` block; drop it if the block raises an error.
 
-    This includes text from the C code of ROS.  If the block succeeds, the text is printed at its
-    end.  If the block raises an error, the text is dropped.
+    This includes text from the C code of ROS.
     """
     sys.stderr.flush()
     try:

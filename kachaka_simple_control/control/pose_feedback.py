@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-The closed loop: it uses odometry to correct each velocity of a plan by a limited amount.
-
-This module needs no ROS and reads no clock: the caller passes the odometry and the time.
-"""
+"""The closed loop: it uses odometry to correct each velocity of a plan by a limited amount."""
 
 from __future__ import annotations
 
@@ -59,24 +55,14 @@ MAX_COORDINATE = 1e9
 
 
 class PoseSample(NamedTuple):
-    """
-    A pose from odometry, after it was corrected by the odometry calibration.
-
-    :param arrived: when the odometry message arrived [s on the steady clock]
-    :param pose: the pose of the robot on the floor, according to the odometry calibration
-    """
+    """A pose from odometry, corrected by the odometry calibration."""
 
     arrived: float
     pose: Pose
 
 
 class _Sent(NamedTuple):
-    """
-    A velocity of the plan, the time when it was sent, and the planned pose at that time.
-
-    The time is in seconds on the steady clock.  The pose is relative to the pose at the start of
-    the drive.  The velocity is the planned velocity, without a correction.
-    """
+    """A planned velocity, when it was sent [s], and the planned pose then."""
 
     time: float
     pose: Pose
@@ -85,13 +71,11 @@ class _Sent(NamedTuple):
 
 def loop_gain(delay: float) -> float:
     """
-    Return the gain of the closed loop [1/s], by which the pose error is multiplied.
+    Return the gain of the closed loop [1/s], by formula (21) of docs/theory.md.
 
-    It is given by formula (21) of docs/theory.md.  The gain times the delay is at most 1/e, so
-    that the loop does not overshoot.
+    The gain times the delay is at most 1/e, so that the loop does not overshoot.
 
-    :param delay: the time from a command to its effect in odometry: dead time plus lag of the
-        robot [s]
+    :param delay: from a command to its effect in odometry: dead time plus lag [s]
     """
     return min(MAX_LOOP_GAIN, 1.0 / (math.e * delay)) if delay else MAX_LOOP_GAIN
 
@@ -100,17 +84,11 @@ class PoseFeedback:
     """
     A closed loop: it corrects each planned velocity, so that the robot follows its plan.
 
-    The pose error is the difference between the newest pose from odometry and a planned pose.
-    This planned pose belongs to an earlier time: the arrival of the odometry message minus the
-    delay.  So the delay itself causes no error.  Formulas (20) and (21) of docs/theory.md define
-    the correction.
+    The newest pose from odometry is compared with the planned pose at its arrival minus the delay,
+    so the delay itself causes no error: formulas (20) and (21) of docs/theory.md.  One thread
+    calls all methods but ``on_odometry``.
 
-    One thread has to call all methods except ``on_odometry``.  Another thread may call
-    ``on_odometry``.
-
-    :param delay: the time from a command to its effect in odometry: dead time plus lag [s]
-    :param odometry: the calibration that converts the odometry of the robot to its motion on the
-        floor
+    :param delay: from a command to its effect in odometry: dead time plus lag [s]
     """
 
     def __init__(self, delay: float, odometry: OdometryCalibration | None = None) -> None:
@@ -128,15 +106,7 @@ class PoseFeedback:
         self._sent: deque[_Sent] = deque()
 
     def on_odometry(self, arrived: float, pose: Pose, is_moving: bool) -> None:
-        """
-        Process a pose from odometry.
-
-        :param arrived: when the odometry message arrived [s on the steady clock]; the pose is
-            ignored if this is not later than the arrival of the previous pose
-        :param pose: the pose as odometry reports it; it is ignored if a coordinate is NaN,
-            infinite or too large
-        :param is_moving: whether odometry shows that the robot moves
-        """
+        """Process a pose from odometry, unless it is not newer, NaN, infinite or too large."""
         if not (math.isfinite(arrived)
                 and abs(pose.x) + abs(pose.y) + abs(pose.theta) < MAX_COORDINATE):
             return
@@ -152,25 +122,14 @@ class PoseFeedback:
         self._samples = (*samples, sample)[-START_SAMPLES:] if is_one_rest else (sample,)
 
     def age(self, now: float) -> float:
-        """
-        Return how long ago the newest accepted pose from odometry arrived [s].
-
-        The value is infinite if no pose has arrived yet.
-
-        :param now: the time [s on the steady clock]
-        """
+        """Return how long ago the newest accepted pose arrived [s]; infinite if none has."""
         return now - self._samples[-1].arrived if self._samples else math.inf
 
     def begin(self, plan: Plan, limits: Limits) -> None:
         """
-        Begin to correct the velocities of a new plan.
+        Begin to correct the velocities of a new plan; at least one pose must have arrived.
 
-        Before this call, ``on_odometry`` must have received at least one pose.
-
-        :param plan: the plan, whose velocities use only the fraction ``CLOSED_LOOP_SHARE`` of the
-            limits, so that corrections are possible
-        :param limits: the full limits of velocity and acceleration, which the corrected velocities
-            keep
+        :param plan: its velocities use only the fraction ``CLOSED_LOOP_SHARE`` of the limits
         """
         self._limits = limits
         self._gain = loop_gain(self._delay)
@@ -190,10 +149,8 @@ class PoseFeedback:
 
     def correct(self, tick: Tick, now: float) -> Velocity:
         """
-        Return the velocity to send: the planned velocity plus a correction from odometry.
+        Return the velocity to send: the planned one plus a correction from odometry.
 
-        :param tick: the planned velocity, with the time when it is due
-        :param now: when the velocity is sent [s on the steady clock]
         :raises RunFaultError: if the robot is too far from its planned pose
         """
         planned = tick.velocity
@@ -213,14 +170,10 @@ class PoseFeedback:
 
     def _error(self, now: float) -> Pose | None:
         """
-        Return the pose error: the planned pose, seen from the pose that odometry shows.
+        Return the planned pose, seen from the pose that odometry shows.
 
-        Both poses belong to the same time, which is the arrival of the newest odometry minus the
-        delay of the robot.
-
-        :param now: the time [s on the steady clock]
-        :returns: the error; None if the newest odometry is too old, or if the drive has just begun
-        :raises RunFaultError: if the error is larger than MAX_POSITION_ERROR or MAX_HEADING_ERROR
+        :returns: None if the newest odometry is too old, or if the drive has just begun
+        :raises RunFaultError: if it is larger than MAX_POSITION_ERROR or MAX_HEADING_ERROR
         """
         arrived, pose = self._samples[-1]
         then = arrived - self._delay
@@ -242,13 +195,7 @@ class PoseFeedback:
         return error
 
     def _correction(self, tick: Tick, error: Pose | None) -> Velocity:
-        """
-        Return the correction, within its bounds, that is added to the planned velocity.
-
-        :param tick: the planned velocity, with the time when it is due
-        :param error: the planned pose, seen from the pose of the robot; None if it is unknown.
-            The correction is then zero
-        """
+        """Return the correction, within its bounds; zero if the error is None."""
         planned, gain, top = tick.velocity, self._gain, self._top
         if error is None:
             return ZERO
@@ -271,13 +218,9 @@ class PoseFeedback:
         """
         Check that the corrections in a settle do not turn the robot too far.
 
-        A settle is a step of the plan in which the robot stands still and only its heading is
-        corrected.  If odometry drifts, it shows a turn although the robot stands still, and the
-        corrections then turn the robot against this drift.  To detect this, the method adds up the
-        angle of the corrections.
+        If odometry drifts, it shows a turn of a robot at rest, and the corrections turn it.
 
-        :param tick: the planned velocity, with the time when it is due
-        :raises RunFaultError: if the angle is larger than MAX_HEADING_ERROR
+        :raises RunFaultError: if they add up to more than MAX_HEADING_ERROR
         """
         before = self._last_tick
         # If a speed factor of 0 holds the robot during a settle, the settle has not ended.
@@ -292,46 +235,25 @@ class PoseFeedback:
                 'something turns the robot')
 
     def _is_settling(self, tick: Tick) -> bool:
-        """
-        Return whether a planned velocity belongs to a settle.
-
-        A settle is a step of the plan in which the robot stands still and only its heading is
-        corrected.
-
-        :param tick: the planned velocity, with the time when it is due
-        """
+        """Return whether a planned velocity belongs to a settle."""
         return self._step(tick).step.settles
 
     def _settle_time(self, tick: Tick) -> float:
         """
-        Return how long the heading may still be corrected while the robot stands still.
+        Return how long the heading may still be corrected at rest [s], as only a settle allows.
 
-        Such corrections are allowed only in a settle, a step of the plan in which the robot stands
-        still and only its heading is corrected.
-
-        :param tick: the planned velocity, with the time when it is due
-        :returns: the time until the end of the settle [s]; 0 if there is no settle now, or if a
-            speed factor of 0 holds the robot
+        :returns: 0 if there is no settle now, or if a speed factor of 0 holds the robot
         """
         if tick.rest == math.inf or not self._is_settling(tick):
             return 0.0
         return self._step(tick).end - (tick.plan_time or 0.0)
 
     def _step(self, tick: Tick) -> PlannedStep:
-        """
-        Return the step of the plan, for example a move or a turn, to which a velocity belongs.
-
-        :param tick: the planned velocity, with the time when it is due
-        """
+        """Return the step of the plan to which a velocity belongs."""
         return self._plan.steps[self._plan.step_index(tick.plan_time or 0.0)]
 
     def _limited(self, tick: Tick, wanted: Velocity) -> Velocity:
-        """
-        Return the velocity that keeps all limits and is nearest to a wanted velocity.
-
-        :param tick: the planned velocity, with the time when it is due
-        :param wanted: the wanted velocity: the planned velocity plus the correction
-        """
+        """Return the velocity that keeps all limits and is nearest to a wanted velocity."""
         before, limits = self._last_tick, self._limits
         duration = tick.start - before.start if before else 0.0
         planned = before.velocity if before else ZERO
@@ -353,14 +275,8 @@ def _reachable(
     """
     Return the velocity that is nearest to a wanted velocity and keeps the limits.
 
-    All values are linear [m/s], or all are angular [rad/s].
-
-    :param wanted: the wanted velocity
-    :param last: the velocity that was sent last
-    :param planned_change: the current planned velocity minus the previous planned velocity; a
-        change of this size from ``last`` is allowed, even if it is larger than ``largest_change``
-    :param largest_change: the largest allowed increase or decrease from ``last``
-    :param bounds: the smallest and the largest allowed velocity
+    :param planned_change: by which the planned velocity changes now: so much is always allowed
+    :param largest_change: the largest other change from ``last``
     """
     low = last + min(planned_change, -largest_change)
     high = last + max(planned_change, largest_change)
@@ -368,23 +284,15 @@ def _reachable(
 
 
 def _rate(acceleration: float, deceleration: float, duration: float) -> float:
-    """
-    Return how much a velocity may change in a given time, upwards or downwards.
-
-    This is the smaller of the two acceleration limits, multiplied by the time.
-
-    :param acceleration: the limit for an increase [m/s^2] or [rad/s^2]
-    :param deceleration: the limit for a decrease, in the same unit
-    :param duration: the time [s]
-    """
+    """Return how much a velocity may change in a time: by the smaller of its two limits."""
     return min(acceleration, deceleration) * duration if duration else 0.0
 
 
 def _are_near(one: PoseSample, two: PoseSample) -> bool:
     """
-    Return whether two odometry samples of a robot at rest are close in time and in pose.
+    Return whether two samples of a robot at rest are close in time and in pose.
 
-    If they are not, odometry was interrupted or has jumped, and the samples must not be averaged.
+    If not, odometry was interrupted or has jumped, and they must not be averaged.
     """
     distance, angle = distance_between(one.pose, two.pose)
     return (two.arrived - one.arrived <= FEEDBACK_MAX_AGE

@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Start child processes, read the state of processes, and set their priorities.
-
-Also read the boot clock, and end this process if it hangs.
-"""
+"""Start child processes, read the state of processes, set priorities, end a process that hangs."""
 
 from __future__ import annotations
 
@@ -52,7 +48,7 @@ _called_in_children: set[weakref.WeakMethod[Any]] = set()
 
 def call_in_forked_children(method: Callable[[], object]) -> None:
     """
-    Let each forked child process call a method of an object, as long as this object is in use.
+    Let each forked child call a method of an object, as long as this object is in use.
 
     ``os.register_at_fork`` alone would keep the object, with its descriptors, until the end.
     """
@@ -69,22 +65,12 @@ os.register_at_fork(after_in_child=_call_in_child)
 
 
 def python_command(module: str) -> list[str]:
-    """
-    Return the command that runs the function ``main`` of a module in a new Python process.
-
-    :param module: the full name of the module
-    :returns: the command; the caller may append arguments
-    """
+    """Return the command that runs the function ``main`` of a module in a new Python process."""
     return [sys.executable, '-c', MAIN_CODE.format(module=module)]
 
 
 def child_environment() -> dict[str, str]:
-    """
-    Return environment variables with which a child process can import the same modules.
-
-    The variable ``PYTHONPATH`` of the child has the entries of the module search path of this
-    process.
-    """
+    """Return environment variables with which a child process can import the same modules."""
     # This also works if the package is not installed.
     entries = [Path(entry).resolve() for entry in sys.path]
     path = os.pathsep.join(str(entry) for entry in entries if entry != PACKAGE)
@@ -94,12 +80,10 @@ def child_environment() -> dict[str, str]:
 @contextlib.contextmanager
 def ended_after(timeout: float) -> Iterator[None]:
     """
-    End this process with exit code 1 if a block takes longer than a time, as a context manager.
+    End this process with exit code 1, and print all call stacks, if a block takes too long.
 
-    Before that, the call stack of each thread is written to standard error.
-
-    The reason: Fast DDS may hang while a node is destroyed.  Python may then run no code at all,
-    so this is the work of a thread that needs no Python.
+    Fast DDS may hang while a node is destroyed, and Python may then run no code at all.  So a
+    thread that needs no Python does it.
 
     :param timeout: the longest time for the block [s]
     """
@@ -117,11 +101,7 @@ def is_stopped(pid: int) -> bool:
 
 
 def is_running(pid: int) -> bool:
-    """
-    Return whether a process exists and has not ended; False if this is unknown.
-
-    A process that has ended may still exist as a zombie.  It counts as ended.
-    """
+    """Return whether a process exists and is no zombie; False if this is unknown."""
     fields = _stat_fields(pid)
     return fields is not None and fields[0] != 'Z'
 
@@ -130,7 +110,7 @@ def is_in_background(pid: int) -> bool:
     """
     Return whether a process is in the background of a terminal, where Ctrl+C does not reach it.
 
-    The value is False if the process has no terminal, or if its state is unknown.
+    False if it has no terminal, or if its state is unknown.
     """
     fields = _stat_fields(pid)
     if fields is None:
@@ -143,8 +123,8 @@ def _stat_fields(pid: int) -> list[str] | None:
     """
     Return the fields after the process name in ``/proc/<pid>/stat``; None if unreadable.
 
-    The first fields are: state, parent, process group, session, terminal, and the foreground
-    process group of the terminal (-1 without a terminal).
+    They are: state, parent, process group, session, terminal, and the foreground process group of
+    the terminal (-1 without a terminal).
     """
     try:
         status = Path(f'/proc/{pid}/stat').read_text()
@@ -162,10 +142,9 @@ def lower_priority() -> None:
 
 def set_idle_priority() -> None:
     """
-    Let this process run only if no other process needs the CPU.
+    Let this process run only if no other process needs the CPU (SCHED_IDLE).
 
-    A low priority is not enough, because this process could still delay another process that wakes
-    up.  So the function also sets the scheduling policy SCHED_IDLE of Linux.
+    One with a low priority could still delay another that wakes up.
     """
     lower_priority()
     with contextlib.suppress(AttributeError, OSError):

@@ -32,11 +32,7 @@ from kachaka_simple_control.motion.plan import Plan
 
 
 class RunState(Enum):
-    """
-    The state of the newest run, which is one drive of the robot.
-
-    Each value is a text that the user sees.
-    """
+    """The state of the newest run; each value is a text that the user sees."""
 
     NONE = 'nothing started yet'
     CONNECTING = 'connecting to the robot'
@@ -49,26 +45,16 @@ class RunState(Enum):
 @dataclass(frozen=True)
 class RunProgress:
     """
-    The progress of the newest run at one moment; a run is one drive of the robot.
-
-    The object never changes.
+    The progress of the newest run at one moment.
 
     :param title: the name of the motion; empty before the first run
-    :param plan: the plan of the run; None without a plan
-    :param began: when the first velocity was due, called t = 0 [s on the steady clock]; nan before
-        the run began
-    :param plan_time: the point in the plan to which the newest velocity belongs [s after the start
-        of the plan]; None without a plan
-    :param start: the pose of the robot at t = 0 according to odometry; None if unknown
-    :param way: the planned pose relative to ``start``, integrated from the planned velocities
-        since t = 0
-    :param factors: the speed factors below 1, by the name of the source that set them, such as a
-        pause; their product is the speed of the robot relative to its plan
-    :param late: how many velocities in all runs were sent a quarter of a period or more after they
-        were due
-    :param skipped: how many velocities in all runs were not sent, because the next velocity was
-        already due
-    :param is_over: whether the run has ended
+    :param plan: None without a plan
+    :param began: t = 0 [s]; nan before the run began
+    :param plan_time: the point in the plan of the newest velocity [s]; None without a plan
+    :param start: the pose at t = 0 by odometry; None if unknown
+    :param way: the planned pose relative to ``start``
+    :param factors: the speed factors below 1, by the name of their source
+    :param skipped: how many velocities in all runs were too late to be sent
     :param ended_by: why the run ended early; None if it did not
     """
 
@@ -97,20 +83,16 @@ class RunProgress:
 
     @property
     def planned_pose(self) -> Pose | None:
-        """
-        Return the pose at which the robot should be now, according to the plan.
-
-        The pose is in the odometry frame.  The value is None if the pose at the start is unknown.
-        """
+        """Return where the robot should be now, in the odometry frame; None if that is unknown."""
         return None if self.start is None else compose(self.start, self.way)
 
     @property
     def step(self) -> tuple[int, int]:
         """
-        Return the number of the current step of the plan, and the number of all steps.
+        Return the number of the current step and of all steps.
 
-        The first step has the number 1.  Before the first velocity, the number of the current step
-        is 0.  Without a plan both values are 0.
+        The first step is 1; the current one is 0 before the first velocity; both are 0 without a
+        plan.
         """
         if self.plan is None or not self.plan.steps:
             return 0, 0
@@ -126,15 +108,10 @@ class RobotDrive:
     """
     Drives one robot through a run, from the first velocity to the zero velocity at the end.
 
-    A run is one drive of the robot.  The object has no thread and reads no clock.  The caller
-    passes the time to ``step``, and calls ``step`` again at the time that ``step`` returns.  Any
-    thread may use ``end`` and ``progress``.
+    It has no thread and reads no clock: ``step`` is told the time and says when it must be called
+    again. Any thread may use ``end`` and ``progress``.
 
-    :param gate: the velocity gate, the only object that publishes velocities
-    :param monitor: the object that sends heartbeats, corrects velocities, and raises an error if a
-        fault must end the run
-    :param speed_factor: the speed of the robot relative to its plan
-    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
+    :param monitor: sends heartbeats, corrects velocities, and raises the faults that end the run
     """
 
     def __init__(
@@ -161,12 +138,9 @@ class RobotDrive:
 
     def request(self, title: str, plan: Plan | None = None) -> None:
         """
-        Show in the property ``progress`` which motion is driven next.
+        Show in ``progress`` which motion is driven next; the robot need not be connected yet.
 
-        The robot need not be connected yet.
-
-        :param title: the name of the motion
-        :param plan: the plan of the motion; None if velocities are commanded directly
+        :param plan: None if velocities are commanded directly
         """
         before = self._progress
         self._tick, self._way = None, (ORIGIN, 0.0)
@@ -176,17 +150,13 @@ class RobotDrive:
             self, source: VelocitySource, t0: float, period: float | None = None,
             run: Run | None = None, start: Pose | None = None) -> Run:
         """
-        Begin a run, which is one drive of the robot; after this the caller has to call ``step``.
+        Begin a run; from now on the caller has to call ``step``.
 
-        :param source: the object that returns the velocities to send: a plan, or direct commands
-        :param t0: when the first velocity is due, called t = 0 [s on the steady clock]
+        :param t0: when the first velocity is due [s]
         :param period: the normal time between two velocities [s]; None if unknown
-        :param run: a run that the method ``prepare`` of the velocity gate has returned; None for a
-            new run
-        :param start: the pose of the robot according to odometry; None if unknown
-        :returns: the run
-        :raises ControlError: if the run was cancelled before, or if no velocity may be sent to the
-            robot
+        :param run: one that the gate's ``prepare`` has returned; None for a new one
+        :param start: the pose by odometry; None if unknown
+        :raises ControlError: if the run was cancelled, or no velocity may be sent to the robot
         """
         self._run = self.gate.begin(
             max_gap(period, self._command_timeout), run, self._command_timeout, t0)
@@ -200,11 +170,8 @@ class RobotDrive:
         """
         Check for faults, and send a velocity if one is due.
 
-        :param now: the time [s on the steady clock]
-        :returns: the latest time at which this method must be called again [s on the steady
-            clock]; None at the end of the run.  At the end one zero velocity has been sent, and
-            the caller has to send more zero velocities until the robot's command timeout has
-            passed
+        :returns: when this must be called again at the latest [s]; None at the end of the run: one
+            zero velocity was sent, and the caller sends more until the command timeout has passed
         :raises ControlError: if another thread ended the run, or if the run cannot continue
         """
         run, source, gate = self._run, self._source, self.gate
@@ -241,25 +208,17 @@ class RobotDrive:
         return min(run.began + tick.deadline, self._checked + CHECK_PERIOD)
 
     def on_source_changed(self) -> None:
-        """
-        Make ``step`` ask the source for a velocity at once, even if none is due yet.
-
-        The source is the object that was passed to ``begin``.  Call this after the source got a
-        new velocity.  Any thread may call this.
-        """
+        """Make ``step`` ask the source for its new velocity at once; for any thread."""
         self._has_source_changed = True
         self.gate.wake()
 
     def end(self, reason: ControlError) -> bool:
         """
-        End the current run early, and send one zero velocity at once; any thread may call this.
+        End the run early, and send one zero velocity at once; any thread may call this.
 
-        After this, the thread that drives the robot raises the error ``reason``.  It also sends
-        more zero velocities until the robot's command timeout has passed.
+        The thread that drives then raises ``reason``, and sends more zero velocities.
 
-        :param reason: the error that the thread raises
-        :returns: True if this call ended the run; False if there was no run, or if another call
-            ended it before
+        :returns: False if there was no run, or another call ended it before
         """
         run = self.gate.cancel(reason)
         is_ended = run is not None and run.ended_by is reason
@@ -269,9 +228,9 @@ class RobotDrive:
 
     def finish(self, reason: str | None = None) -> None:
         """
-        Record that the newest drive is over, so that the property ``progress`` shows this.
+        Record that the newest drive is over.
 
-        :param reason: why the drive ended early; None if it was complete
+        :param reason: why it ended early; None if it was complete
         """
         self._progress = replace(self.progress, is_over=True, ended_by=reason)
 
@@ -294,13 +253,7 @@ class RobotDrive:
             factors=self.speed_factor.factors)
 
     def _count(self, sent: float) -> None:
-        """
-        Update the counts of late velocities and of skipped velocities.
-
-        Call this after each velocity.
-
-        :param sent: when the velocity was sent [s on the steady clock]
-        """
+        """Count late and skipped velocities."""
         source, late = self._source, sent - self._run.began - self._due
         is_late = self._period is not None and late >= LATE * self._period
         if source is not None and (is_late or source.skipped):

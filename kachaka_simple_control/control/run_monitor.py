@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Check for faults while the robot is driven, and renew manual control in time.
-
-Manual control is the mode in which a robot such as a Kachaka accepts velocities.
-"""
+"""Check for faults while the robot is driven, and renew manual control in time."""
 
 from __future__ import annotations
 
@@ -47,11 +43,7 @@ from kachaka_simple_control.motion.geometry import Velocity
 
 
 class PendingResponse(Protocol):
-    """
-    The robot's response to a request for manual control; it may not have arrived yet.
-
-    Manual control is the mode in which the robot accepts velocities.
-    """
+    """The robot's response to a request for manual control; it may not have arrived yet."""
 
     @property
     def done(self) -> bool:
@@ -59,26 +51,17 @@ class PendingResponse(Protocol):
 
     @property
     def refusal(self) -> str | None:
-        """
-        Why the robot refused manual control; None if it granted manual control.
-
-        Manual control is the mode in which the robot accepts velocities.  The value is valid only
-        after the response has arrived.
-        """
+        """Why the robot refused manual control, once it has answered; None if it did not."""
 
 
 class LeaseRenewer:
     """
     Requests manual control again before it expires.
 
-    Manual control is the mode in which a robot accepts velocities.  The robot grants it for a
-    limited time (a lease).  While the robot processes a request for manual control, it processes
-    no velocity.  If this takes longer than the robot's command timeout, the robot stops.  So if
-    the plan contains a long enough rest before manual control expires, the request is sent during
-    this rest.
+    The robot processes no velocity while it processes a request: longer than the command timeout,
+    and it stops.  So the request is sent in a rest of the plan, if there is one in time.
 
-    :param request: a function that sends a request, and does not wait for the response
-    :param command_timeout: how long the robot keeps a velocity without a new one [s]
+    :param request: sends a request, and does not wait for the response
     """
 
     def __init__(
@@ -90,43 +73,25 @@ class LeaseRenewer:
 
     def begin(self, period: float) -> None:
         """
-        Prepare for a drive: a response and a period together must not exceed the command timeout.
+        Prepare for a drive with a period [s].
 
-        :param period: the time between two velocities of this drive [s]
+        A response and a period together must not exceed the command timeout.
         """
         self._response_timeout = self._command_timeout - period
 
     def granted(self, requested: float) -> None:
-        """
-        Record that the robot has granted manual control, the mode in which it accepts velocities.
-
-        :param requested: when manual control was requested [s]; manual control expires some time
-            after this request
-        """
+        """Record that the robot has granted manual control, for some time from the request on."""
         self._requested = requested
         self._pending = None
 
     def is_stale(self, now: float) -> bool:
-        """
-        Return whether manual control must be requested again before a drive.
-
-        Manual control, the mode in which the robot accepts velocities, expires some time after it
-        was requested.  The value is True from LEASE_RENEW_AT_REST after the last request on.
-
-        :param now: the time [s]
-        """
+        """Return whether manual control must be requested again before a drive."""
         return now - self._requested >= LEASE_RENEW_AT_REST
 
     def renew_if_due(self, now: float, rest: float) -> None:
         """
-        Request manual control again if it will expire soon.
+        Request manual control again if it will expire soon: at rest if possible, else in motion.
 
-        Manual control is the mode in which the robot accepts velocities.  If possible, the new
-        request is sent at rest: when the planned velocity will be zero until the response arrives.
-        If the last request is older than LEASE_RENEW_LATEST, the new request is sent even in
-        motion.
-
-        :param now: the time [s]
         :param rest: how long the robot stays at rest from now on [s]; 0 if it moves
         """
         age = now - self._requested
@@ -137,13 +102,9 @@ class LeaseRenewer:
 
     def poll(self, now: float) -> None:
         """
-        Check that the robot answers the last request for manual control in time, and grants it.
+        Check that the robot grants the last request in time, if it has not answered yet.
 
-        Manual control is the mode in which the robot accepts velocities.  Do nothing if no request
-        is waiting for an answer.
-
-        :param now: the time [s]
-        :raises RunFaultError: if the answer takes too long, or if the robot refuses manual control
+        :raises RunFaultError: if the answer takes too long, or if the robot refuses
         """
         if self._pending is None:
             return
@@ -160,11 +121,7 @@ class LeaseRenewer:
 
 
 class RobotPort(Protocol):
-    """
-    An interface to check the robot in the ROS graph, for example whether it still subscribes.
-
-    Each call may have to wait for DDS.
-    """
+    """The robot in the ROS graph; each call may have to wait for DDS."""
 
     def check_subscribed(self) -> None:
         """
@@ -175,10 +132,9 @@ class RobotPort(Protocol):
 
     def check_identity(self) -> None:
         """
-        Check that the robot which this program drives still subscribes to the velocity topic.
+        Check that the same robot still subscribes to the velocity topic.
 
-        :raises RunFaultError: if only another robot subscribes, or if the robot has left the ROS
-            graph
+        :raises RunFaultError: if only another one does, or the robot has left the ROS graph
         """
 
     def check_exclusive(self) -> None:
@@ -189,11 +145,7 @@ class RobotPort(Protocol):
         """
 
     def has_changed(self) -> bool:
-        """
-        Return whether the number of publishers or subscribers has changed since the last call.
-
-        Only the topics of the robot are counted: velocities and odometry.
-        """
+        """Return whether the number of publishers or subscribers has changed."""
 
 
 class OtherPublishers(Protocol):
@@ -201,11 +153,9 @@ class OtherPublishers(Protocol):
 
     def update(self) -> bool:
         """
-        Search the ROS graph for other programs that publish velocities on the topic of this robot.
+        Search for other publishers of velocities; subscribe if there are any, to see if they send.
 
-        If there are any, subscribe to the topic, to detect whether these programs really send.
-
-        :returns: whether there are any such programs
+        :returns: whether there are any
         """
 
 
@@ -225,19 +175,10 @@ class RunMonitor:
     """
     Checks for faults during a run, sends heartbeats and renews manual control.
 
-    A run is one drive of the robot.  If a fault must end the run, a method of this class raises an
-    error.  The thread that drives the robot calls the methods after each message, and at least
-    every CHECK_PERIOD.  Each call is short.
+    The thread that drives calls it after each message, and at least every CHECK_PERIOD.  Each call
+    is short, and raises an error if a fault must end the run.
 
-    :param guardian: the object that receives the heartbeats; it stops the robot if they do not
-        come
-    :param lease: the object that renews manual control, the mode in which the robot accepts
-        velocities; None for a robot without this mode
-    :param robot: the object that checks the robot in the ROS graph
-    :param others: the object that detects velocities that other programs send to the robot
-    :param odometry: the object that detects from odometry whether the robot stands still
-    :param timeouts: how long odometry may be silent, and how long a run may be paused
-    :param speed_factor: the speed of the robot relative to its plan, from 0 to 1
+    :param lease: None for a robot without manual control
     """
 
     def __init__(
@@ -272,11 +213,10 @@ class RunMonitor:
     @property
     def speed_factor(self) -> float:
         """
-        Return the speed of the robot relative to its plan, from 0 to 1.
+        Return the speed factor.
 
-        The value is 0 during a pause, so that the robot stays at rest.  After the end of the
-        pause, the value stays 0 until ``check`` has found that the robot may move again.  All this
-        is also true for any other source of slower speed that sets its factor to 0.
+        After a hold, by a pause or another source, it stays 0 until ``check`` has found that the
+        robot may move again.
         """
         if self._speed_factor.is_hold:
             self._is_released = False
@@ -290,20 +230,15 @@ class RunMonitor:
         """
         Return the velocity to send: the planned velocity, corrected if there is a closed loop.
 
-        :param tick: the planned velocity, with the time when it is due
-        :param now: when the velocity is sent [s on the steady clock]
         :raises RunFaultError: if the robot is too far from its planned pose
         """
         return tick.velocity if self._feedback is None else self._feedback.correct(tick, now)
 
     def on_sent(self, rest: float) -> None:
         """
-        Record whether the robot is held at rest, and how long it stays at rest.
+        Record how long the robot stays at rest; call this after each velocity.
 
-        Call this after each velocity.
-
-        :param rest: how long the robot stays at rest from now on [s]; 0 while it moves, infinite
-            while a speed factor of 0 holds it at rest
+        :param rest: 0 while it moves, infinite while a speed factor of 0 holds it [s]
         """
         is_held = rest == math.inf
         if not is_held:
@@ -316,12 +251,9 @@ class RunMonitor:
     def begin(
             self, feedback: PoseFeedback | None, period: float, has_plan: bool = True) -> None:
         """
-        Prepare the monitor for a new run, which is one drive of the robot.
+        Prepare the monitor for a new run.
 
-        All that was recorded about a pause in the previous run is forgotten.
-
-        :param feedback: the closed loop, which corrects the velocities of the new run with
-            odometry; None to send the velocities as planned
+        :param feedback: the closed loop; None to send the velocities as planned
         :param period: the time between two velocities of the run [s]
         :param has_plan: whether a plan is driven, to which the speed of a person is relative; the
             hand chooses its own speed
@@ -337,11 +269,9 @@ class RunMonitor:
 
     def check_resume(self) -> None:
         """
-        Check that a paused drive may continue.
+        Check, as before a drive, that a paused drive may continue.
 
-        The robot must still subscribe, and must be the same robot as before.  It must be the only
-        robot that receives the velocities.  Odometry must not be silent.  All this is also checked
-        before a drive.
+        The same robot must subscribe, alone, and odometry must not be silent.
 
         :raises RunFaultError: if the drive must not continue
         """
@@ -353,11 +283,7 @@ class RunMonitor:
 
     def check(self) -> None:
         """
-        Send a heartbeat to the guardian, and check for all faults that must end the drive.
-
-        The guardian is a separate process that stops the robot if this program cannot.  If manual
-        control, the mode in which the robot accepts velocities, expires soon, this method renews
-        it.  If a pause is over, it also allows the robot to move again.
+        Send a heartbeat, check for faults, renew manual control, and end a hold that is over.
 
         :raises RunFaultError: if the drive must end
         """
@@ -396,9 +322,9 @@ class RunMonitor:
 
     def _release(self) -> None:
         """
-        Allow the robot to move again after a pause, unless somebody moved it during the pause.
+        Allow the robot to move again after a hold, unless somebody has moved it meanwhile.
 
-        If the robot was moved, it stays at rest until somebody resumes the motion again.
+        Then it takes another resume.
 
         :raises RunFaultError: if the drive must not continue
         """
@@ -415,11 +341,9 @@ class RunMonitor:
 
     def has_lost_robot(self, now: float) -> bool:
         """
-        Return whether odometry has been silent for longer than the parameter ``odometry_timeout``.
+        Return whether odometry has been silent for longer than ``odometry_timeout``.
 
-        The value is False if odometry has never arrived, or if the parameter is 0.
-
-        :param now: the time [s on the steady clock]
+        False if it has never arrived, or if the parameter is 0.
         """
         age = self._odometry.age(now)
         return age is not None and 0.0 < self._odometry_timeout < age

@@ -27,10 +27,9 @@ class SentMessages:
     """
     The velocity messages that this program has sent, and has not received back yet.
 
-    This program may subscribe to its own velocity topic, to detect messages of other programs.  It
-    then receives its own messages as well, each at most once, and in the order in which they were
-    sent.  So when one of them is received, all earlier messages that are still missing were lost.
-    One thread may record messages while another thread calls ``consume``.
+    A program that looks for messages of others receives its own, too, each at most once and in
+    order: those before a received one that are missing were lost.  One thread may record while
+    another consumes.
     """
 
     def __init__(self) -> None:
@@ -38,49 +37,23 @@ class SentMessages:
         self._guardian_zeros: deque[float] = deque(maxlen=MAX_KEPT)
 
     def record(self, now: float, data: bytes) -> None:
-        """
-        Record a velocity message of this program; call this before the message is sent.
-
-        :param now: the time [s]
-        :param data: the serialized message
-        """
+        """Record a velocity message, before it is sent."""
         self._sent.append((now, data))
 
     def record_guardian_zero(self, now: float) -> None:
-        """
-        Record that this program asks its guardian to publish a zero velocity.
-
-        The guardian is a separate process that can stop the robot.  When ``consume`` later gets
-        the requested message, it does not treat it as a message of another program.
-
-        :param now: the time of the request [s]
-        """
+        """Record that the guardian was asked for a zero, which is then of no other program."""
         self._guardian_zeros.append(now)
 
     def discard_old(self, now: float) -> None:
-        """
-        Remove the messages that were sent more than MAX_TRANSIT_TIME ago.
-
-        Call this when a subscription to the velocity topic begins.  The subscription cannot
-        receive such old messages.
-
-        :param now: the time [s]
-        """
+        """Remove what is older than MAX_TRANSIT_TIME: a new subscription cannot receive it."""
         while self._sent and now - self._sent[0][0] > MAX_TRANSIT_TIME:
             self._sent.popleft()
 
     def consume(self, data: bytes, is_zero: bool, now: float) -> bool:
         """
-        Check whether a received message was sent by this program or by its guardian.
+        Return whether this program or its guardian has sent a received message, and forget it.
 
-        The guardian is a separate process that publishes zero velocities.  If one of the two sent
-        the message, it is removed from the recorded messages.  If this program itself sent it, all
-        its earlier messages are also removed, because they were lost.
-
-        :param data: the received message, serialized
-        :param is_zero: whether the message is a zero velocity, which the guardian may have sent
-        :param now: the time [s]
-        :returns: whether this program or its guardian sent the message
+        :param is_zero: whether it is a zero velocity, which the guardian may have sent
         """
         # Work on a copy: the other thread continues to send.
         for index, (_, sent) in enumerate([*self._sent]):

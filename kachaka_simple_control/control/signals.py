@@ -14,9 +14,8 @@
 """
 Handle the signals that end a program: SIGINT, SIGTERM and SIGHUP.
 
-A program that drives robots uses ``signal_dispatcher``: after a signal, it calls handlers at once,
-and these stop the robots.  Other programs, such as the simulator, use ``ShutdownEvent``: they wait
-for a signal, and then they end.
+A program that drives uses ``signal_dispatcher``: its handlers stop the robots at once.  Other
+programs, such as the simulator, use ``ShutdownEvent``: they wait for a signal, and end.
 """
 
 from __future__ import annotations
@@ -51,12 +50,9 @@ ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 def wakeup_pipe() -> tuple[int, int]:
     """
-    Create a pipe to which Python writes the number of each signal that it handles.
+    Create a pipe to which Python writes the number of each signal; for the main thread only.
 
-    Only the main thread may call this.
-
-    :returns: the file descriptor to read from, and the file descriptor to which Python writes; a
-        write never blocks
+    :returns: the descriptor to read from, and the other one, to which a write never blocks
     """
     reader, writer = os.pipe()
     # Python writes from within the signal handler, which must not wait.
@@ -69,27 +65,13 @@ class SignalHandler(Protocol):
     """An interface for an object that reacts when a signal or an error ends the program."""
 
     def on_signal(self, signum: int) -> None:
-        """
-        React to a signal that ends the program.
-
-        This method is called in its own thread, so it may take long.
-
-        :param signum: the number of the signal
-        """
+        """React to a signal that ends the program; in its own thread, so it may take long."""
 
     def wake(self) -> None:
-        """
-        Make the main thread return to Python if it waits in C code.
-
-        Then Python can handle the signal in the main thread.
-        """
+        """Make the main thread return to Python if it waits in C code."""
 
     def uncaught(self, error: BaseException) -> None:
-        """
-        React to an exception that was not caught and ends the main thread.
-
-        :param error: the exception
-        """
+        """React to an exception that was not caught and ends the main thread."""
 
 
 class _Deferral:
@@ -107,17 +89,13 @@ class _Deferral:
 
 class SignalDispatcher:
     """
-    Calls all registered handlers when a signal ends the program; each process has one object.
+    Calls all registered handlers when a signal ends the program; each process has one.
 
-    Each signal has two effects.  First, a separate thread calls the registered handlers at once,
-    even while the main thread waits in C code.  Second, an exception is raised in the main thread,
-    so that ``finally`` and ``with`` blocks run.  The exception is KeyboardInterrupt for SIGINT, as
-    usual in Python.  For any other signal it is SystemExit(128 + N), where N is the number of the
-    signal.
-
-    If the program had set its own signal handler before, the second effect is a call of that
-    handler, without an exception.  During SIGNAL_DEBOUNCE after the first signal, further signals
-    have only the first effect.
+    A signal has two effects.  A separate thread calls the handlers at once, even while the main
+    thread waits in C code.  And an exception is raised in the main thread, so that ``finally`` and
+    ``with`` blocks run: KeyboardInterrupt for SIGINT, SystemExit(128 + N) for any other; a handler
+    that the program had set before is called instead.  During SIGNAL_DEBOUNCE after the first
+    signal, further ones have only the first effect.
     """
 
     def __init__(self) -> None:
@@ -137,9 +115,8 @@ class SignalDispatcher:
         """
         Register a handler, which is called for each signal that ends the program.
 
-        :param handler: the handler
-        :returns: True if the handler was registered; False if the first call of this method is not
-            in the main thread, because Python can set signal handlers only there
+        :returns: False if the first call is not in the main thread, where alone Python sets
+            handlers
         """
         if not self._previous and not self._install():
             return False
@@ -147,11 +124,7 @@ class SignalDispatcher:
         return True
 
     def unregister(self, handler: SignalHandler) -> None:
-        """
-        Remove a handler, so that signals no longer call it.
-
-        :param handler: the handler; it may have been removed before
-        """
+        """Remove a handler; it may have been removed before."""
         with contextlib.suppress(ValueError):
             self._handlers.remove(handler)
 
@@ -159,8 +132,7 @@ class SignalDispatcher:
         """
         Delay the exceptions of signals until the end of a ``with`` block in the main thread.
 
-        The registered handlers are still called at once.  In other threads the block has no
-        effect, because signals raise exceptions only in the main thread.
+        The registered handlers are still called at once.
         """
         return self._deferral
 
@@ -180,13 +152,10 @@ class SignalDispatcher:
 
     def handle_uncaught(self) -> None:
         """
-        Make an uncaught error of this package print one line instead of a traceback.
+        Make an uncaught error of this package print one line, and end with its exit code.
 
-        The process then ends with the exit code that belongs to the error.  The line contains the
-        message of the error, and the file and line of the user's program in which it occurred.  If
-        the environment variable ``KACHAKA_SIMPLE_CONTROL_TRACEBACK`` is set, the traceback is
-        printed instead.  An uncaught error in a thread that is not the main thread also prints one
-        line, and ends only that thread.
+        The line has the message, and file and line of the user's program; the traceback with
+        ``KACHAKA_SIMPLE_CONTROL_TRACEBACK``.  In another thread it ends only that thread.
         """
         if threading.excepthook is threading.__excepthook__:
             threading.excepthook = _except_in_thread
@@ -195,10 +164,9 @@ class SignalDispatcher:
 
     def reinstall(self) -> None:
         """
-        Set the signal handlers of this object again, if C code has replaced them.
+        Set the signal handlers again if C code has replaced them; keep those of Python code.
 
-        If Python code has set another signal handler, that handler is kept.  Outside the main
-        thread this method does nothing.
+        Outside the main thread this does nothing.
         """
         if self._previous and threading.current_thread() is threading.main_thread():
             for signum in self._previous:
@@ -283,12 +251,9 @@ class SignalDispatcher:
 
 def run_in_threads(functions: Sequence[Callable[[], object]]) -> list[threading.Thread]:
     """
-    Run each function in its own thread, so that no function waits for another function.
+    Run each function in its own thread, so that none waits for another; return the threads.
 
-    For example, the stop of one robot does not wait for the stop of another robot.  If no thread
-    can start, because Python shuts down, the functions are called in the current thread.
-
-    :returns: the threads that were started
+    If no thread can start, because Python shuts down, they are called in this one.
     """
     threads, left = [], []
     for function in functions:
@@ -307,12 +272,8 @@ def _is_interrupted_call(error: BaseException, traceback: TracebackType | None) 
     """
     Return whether a signal may have caused an error inside rclpy.
 
-    If the signal handler raises an exception while rclpy converts a message, rclpy hides this
-    exception and raises its own error.  Measured: one of 20 SIGTERM signals in ``rclpy.spin``
-    caused ``RuntimeError: Unable to convert call argument``.
-
-    :param error: the error
-    :param traceback: the traceback of the error
+    rclpy hides an exception that is raised while it converts a message behind its own.  Measured:
+    one of 20 SIGTERM in ``rclpy.spin`` caused ``RuntimeError: Unable to convert call argument``.
     """
     frames = [*walk_tb(traceback)]
     module = str(frames[-1][0].f_globals.get('__name__', '')) if frames else ''
@@ -333,13 +294,9 @@ def _except_in_thread(arguments: threading.ExceptHookArgs) -> None:
 
 def _place(traceback: TracebackType | None) -> str:
     """
-    Return the file and line of the user's program in which an error occurred.
+    Return file and line of the user's program in which an error occurred, as in ``drive.py:12: ``.
 
-    This is the place of the innermost call in the traceback that is neither in this package nor in
-    Python's standard library.
-
-    :param traceback: the traceback of the error
-    :returns: a text such as ``drive.py:12: ``; empty if there is no such call
+    It is the innermost call that is neither in this package nor in Python's library; else empty.
     """
     # Compare module names: code that dataclasses generate for a class of this package has no file.
     frames = [summary for summary, (frame, _) in zip(
@@ -356,13 +313,11 @@ signal_dispatcher = SignalDispatcher()
 
 class ShutdownEvent:
     """
-    Waits until the process has to end, because of a signal or for another reason.
+    Waits until the process has to end: a signal, a call of ``end``, or the end of standard input.
 
-    The other reasons are a call of ``end`` and the end of standard input.  Use an object of this
-    class as a context manager in the main thread, early in the start of the process.  In the
-    ``with`` block, a signal makes ``wait`` return.  It does not interrupt other code, and prints
-    no traceback.  A signal that was ignored at the start of the process, for example by ``nohup``,
-    stays ignored.
+    A context manager for the main thread, early in the process.  A signal makes ``wait`` return,
+    and interrupts no other code.  One that was ignored at the start, as by ``nohup``, stays
+    ignored.
     """
 
     def __enter__(self) -> ShutdownEvent:
@@ -379,10 +334,9 @@ class ShutdownEvent:
             error: BaseException | None,
             traceback: TracebackType | None) -> None:
         """
-        Ignore further signals, so that no signal interrupts the shutdown of the process.
+        Ignore further signals, so that none interrupts the shutdown.
 
-        A signal handler would not be enough, because Python removes its signal handlers when it
-        exits.  Ignored signals stay ignored.
+        A handler would not be enough, because Python removes its handlers when it exits.
         """
         for signum in ENDING_SIGNALS:
             signal.signal(signum, signal.SIG_IGN)
@@ -401,9 +355,8 @@ class ShutdownEvent:
         """
         Wait for a signal that ends the process, or for a call of ``end``.
 
-        :param with_parent: whether the end of standard input also ends the wait.  If standard
-            input is a pipe from the parent process, the wait then also ends when the parent is
-            killed
+        :param with_parent: whether the end of standard input, a pipe from a parent that may be
+            killed, also ends the wait
         """
         sources = [self._reader] + with_parent * [sys.stdin.fileno()]
         while True:

@@ -11,12 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-The speed factor: the speed of the robot relative to its plan, from 0 to 1.
-
-It is the product of several factors.  Each source of slower speed, such as a pause or an obstacle
-sensor, sets its own factor.
-"""
+"""The speed factor: the product of the factors that each source of slower speed sets."""
 
 from __future__ import annotations
 
@@ -43,10 +38,7 @@ class SpeedFactor:
     """
     The speed of the robot relative to its plan, from 0 to 1: a product of named factors.
 
-    Each source of slower speed, such as a pause, a person or an obstacle sensor, sets its own
-    factor.  Any thread may set a factor.
-
-    :param clock: the steady clock [s]
+    Any thread may set a factor.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -63,11 +55,7 @@ class SpeedFactor:
 
     @property
     def factors(self) -> Mapping[str, float]:
-        """
-        Return the factors below 1, by the name of the source that set them.
-
-        The mapping never changes; a later change of a factor creates a new mapping.
-        """
+        """Return the factors below 1, by the name of their source; the mapping never changes."""
         self._expire()
         return self._factors
 
@@ -84,16 +72,12 @@ class SpeedFactor:
     def set(  # noqa: A003
             self, name: str, factor: float, valid_for: float | None = None) -> bool:
         """
-        Set the factor of one source.
+        Set the factor of one source; a moving robot reaches its new speed within its limits.
 
-        A moving robot reaches its new speed gradually, because it keeps its acceleration limits.
-
-        :param name: the name of the source, such as ``pause``
-        :param factor: the factor, from 0 to 1
-        :param valid_for: how long the factor is valid, unless it is set again [s].  After this
-            time the factor is 0 and the robot is held at rest, because the source may have failed.
-            None for no time limit
-        :returns: False if the factor had this value before; otherwise True
+        :param factor: from 0 to 1
+        :param valid_for: how long it is valid, unless it is set again [s].  Then it is 0 and holds
+            the robot, because the source may have failed.  None for no time limit
+        :returns: whether it was another one before
         :raises MotionRefusedError: if the factor is not a number from 0 to 1, or the time is not
             above 0; then nothing has changed
         """
@@ -134,31 +118,17 @@ class SpeedFactor:
         return is_hold(self.value)
 
     def describe(self) -> str:
-        """
-        Return a text that describes the factors below 1, such as ``paused, speed 50 %``.
-
-        If there are no such factors, the text is ``full speed``.
-        """
+        """Return a text such as ``paused, speed 50 %``; ``full speed`` if no factor is below 1."""
         return describe_factors(self.factors) or 'full speed'
 
 
 def product(factors: Mapping[str, float]) -> float:
-    """
-    Return the product of all given factors, which is the speed of the robot relative to its plan.
-
-    :param factors: the factors, from 0 to 1, by the name of the source that set them
-    :returns: the product, from 0 to 1; 1 without factors
-    """
+    """Return the product of all factors; 1 without any."""
     return math.prod(factors.values(), start=1.0)
 
 
 def describe_factors(factors: Mapping[str, float]) -> str:
-    """
-    Return a text that describes speed factors, such as ``paused, speed 50 %, obstacle 40 %``.
-
-    :param factors: the factors below 1, by the name of the source that set them
-    :returns: the text; empty without factors
-    """
+    """Return a text such as ``paused, speed 50 %, obstacle 40 %``; empty without factors."""
     return ', '.join(
         'paused' if name == PAUSE and factor == 0.0
         else f'{"speed" if name == OVERRIDE else name} {factor * 100.0:.3g} %'
@@ -166,22 +136,15 @@ def describe_factors(factors: Mapping[str, float]) -> str:
 
 
 def is_hold(speed: float) -> bool:
-    """
-    Return whether a speed factor is so small that the robot is held at rest.
-
-    The limit is MIN_SPEED_FACTOR.
-
-    :param speed: the speed of the robot relative to its plan, from 0 to 1
-    """
+    """Return whether a speed factor is below MIN_SPEED_FACTOR, so that the robot is held."""
     return speed < MIN_SPEED_FACTOR
 
 
 def check_factor(factor: object) -> None:
     """
-    Check that a value is a valid speed factor, which is a number from 0 to 1.
+    Check that a value is a speed factor.
 
-    :param factor: the value
-    :raises MotionRefusedError: if the value is not a number from 0 to 1
+    :raises MotionRefusedError: if it is not a number from 0 to 1
     """
     if not (isinstance(factor, (int, float)) and 0.0 <= factor <= 1.0):
         raise MotionRefusedError(

@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Detect from odometry whether the robot stands still, and whether a paused robot was moved.
-
-This module reads no clock: the caller passes the time.
-"""
+"""Detect from odometry whether the robot stands still, and whether a paused robot was moved."""
 
 from __future__ import annotations
 
@@ -37,9 +33,8 @@ class StandstillDetector:
     """
     Detects from odometry whether the robot stands still.
 
-    The robot stands still while its velocity is not above STANDSTILL_LINEAR and
-    STANDSTILL_ANGULAR.  Odometry that is older than ODOMETRY_MAX_AGE shows neither standstill nor
-    motion.
+    It does while its velocity is not above STANDSTILL_LINEAR and STANDSTILL_ANGULAR.  Odometry
+    older than ODOMETRY_MAX_AGE shows neither standstill nor motion.
     """
 
     def __init__(self) -> None:
@@ -47,12 +42,7 @@ class StandstillDetector:
         self._still_since: float | None = None
 
     def on_odometry(self, now: float, velocity: Velocity) -> None:
-        """
-        Process an odometry message.
-
-        :param now: when the message arrived [s]
-        :param velocity: the velocity of the robot in the message
-        """
+        """Process an odometry message."""
         self._received = now
         if (abs(velocity.linear_x) > STANDSTILL_LINEAR
                 or abs(velocity.angular_z) > STANDSTILL_ANGULAR):
@@ -61,37 +51,23 @@ class StandstillDetector:
             self._still_since = now
 
     def age(self, now: float) -> float | None:
-        """
-        Return how long ago the newest odometry message arrived [s]; None if none has arrived.
-
-        :param now: the time [s]
-        """
+        """Return how long ago the newest odometry arrived [s]; None if none has."""
         return None if self._received is None else now - self._received
 
     def is_moving(self, now: float) -> bool:
-        """
-        Return whether the newest odometry message is recent and shows that the robot moves.
-
-        :param now: the time [s]
-        """
+        """Return whether the newest odometry message is recent and shows that the robot moves."""
         return self._is_fresh(now) and self._still_since is None
 
     def still_since(self, now: float) -> float | None:
         """
-        Return the time since which odometry shows that the robot stands still.
+        Return the time of the first message that showed standstill [s].
 
-        :param now: the time [s]
-        :returns: the time of the first message that showed standstill [s]; None if the robot
-            moves, or if there is no recent odometry
+        :returns: None if the robot moves, or without recent odometry
         """
         return self._still_since if self._is_fresh(now) else None
 
     def is_still(self, now: float) -> bool | None:
-        """
-        Return whether odometry shows that the robot stands still; None without recent odometry.
-
-        :param now: the time [s]
-        """
+        """Return whether odometry shows standstill; None without recent odometry."""
         return self._still_since is not None if self._is_fresh(now) else None
 
     def _is_fresh(self, now: float) -> bool:
@@ -100,11 +76,7 @@ class StandstillDetector:
 
 
 class PausePose:
-    """
-    Measures from odometry how far somebody has moved the robot while it was paused.
-
-    The distance is measured from the pose at which the robot came to rest in the pause.
-    """
+    """Measures how far somebody has moved the robot from where it came to rest in a pause."""
 
     def __init__(self) -> None:
         self._standstill = StandstillDetector()
@@ -114,25 +86,12 @@ class PausePose:
         self.newest: Pose | None = None
 
     def on_sent(self, is_paused: bool) -> None:
-        """
-        Record whether the robot is paused; call this after each sent velocity.
-
-        :param is_paused: whether the velocity was zero because a pause holds the robot at rest
-        """
+        """Record, after each velocity, whether it was zero because of a pause."""
         if is_paused != self._paused:
             self._paused, self._pose, self._standstill = is_paused, None, StandstillDetector()
 
     def on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
-        """
-        Process an odometry message.
-
-        When the paused robot has stood still for REST_SETTLE_TIME, its pose is stored.  ``moved``
-        measures from this pose.
-
-        :param now: when the message arrived [s]
-        :param pose: the pose of the robot in the message
-        :param velocity: the velocity of the robot in the message
-        """
+        """Process an odometry message; ``moved`` measures from the pose after REST_SETTLE_TIME."""
         self.newest = pose
         if not self._paused or self._pose is not None:
             return
@@ -142,20 +101,15 @@ class PausePose:
             self._pose = pose
 
     def accept(self) -> None:
-        """
-        Accept that somebody moved the robot in the pause, so that ``moved`` starts again at 0.
-
-        From now on ``moved`` measures from the current pose of the robot.
-        """
+        """Accept that the robot was moved: ``moved`` measures from its current pose now."""
         if self._pose is not None:
             self._pose = self.newest
 
     def moved(self) -> tuple[float, float]:
         """
-        Return how far somebody has moved the robot in the pause.
+        Return how far somebody has moved the robot in the pause: distance [m] and angle [rad].
 
-        :returns: the distance [m] and the absolute value of the angle [rad]; 0 and 0 if the robot
-            is not paused, or if its pose in the pause is unknown
+        :returns: never negative; 0 and 0 if it is not paused, or its pose in the pause is unknown
         """
         if self._pose is None or self.newest is None:
             return 0.0, 0.0

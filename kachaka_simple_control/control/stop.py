@@ -42,18 +42,13 @@ def send_stop(
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep) -> bool:
     """
-    Send zero velocities for a time: the robot's command timeout plus STOP_MARGIN.
+    Send zero velocities for the robot's command timeout plus STOP_MARGIN.
 
-    The first STOP_BURST_COUNT messages are sent without a pause.  The reason: a reader that was
-    slow or frozen may still have older velocities in its queue.  The zero velocities push them out
-    of the queue.
+    The first STOP_BURST_COUNT are sent without a pause: they push older velocities out of the
+    queue of a reader that was slow or frozen.
 
-    :param send_zero: a function that publishes one zero velocity; returns False to end the stop
-        early
-    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
-    :param clock: the steady clock [s]
-    :param sleep: a function that sleeps for a time [s]
-    :returns: True if all zero velocities were sent; False if ``send_zero`` ended the stop early
+    :param send_zero: publishes one; False ends the stop early
+    :returns: whether all were sent
     """
     end = clock() + command_timeout + STOP_MARGIN
     for _ in range(STOP_BURST_COUNT):
@@ -68,21 +63,11 @@ def send_stop(
 
 class StopController:
     """
-    Sends one stop for each run, even if several threads request it.
+    Sends one stop for each run, even if several threads request it; a new run ends a stop early.
 
-    A run is one drive of the robot.  A stop consists of zero velocities until the robot's command
-    timeout has passed.  If a new run begins during a stop, the stop ends early.
-
-    :param gate: the velocity gate, the only object that publishes velocities
-    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
-    :param guardian: the interface to a separate process that stops the robot if this program
-        cannot; it gets a report before each zero velocity, and at the end of the stop
-    :param still_moving: a function that returns True if the stop must continue, because odometry
-        shows motion or is lost
-    :param clock: the steady clock [s]
-    :param sleep: a function that sleeps for a time [s]
-    :param publish: a function that puts an event, for logs and displays, into a queue, and returns
-        at once
+    :param guardian: gets a report before each zero velocity, and at the end of the stop
+    :param still_moving: whether the stop must continue, because odometry shows motion or is lost
+    :param publish: puts an event into a queue, and returns at once
     """
 
     def __init__(
@@ -123,14 +108,11 @@ class StopController:
         """
         Stop the newest run, and wait until all zero velocities of the stop were sent.
 
-        A run is one drive of the robot.  If ``reason`` is given, this method first ends the newest
-        run: the thread of the run raises ``reason``, and can send no more velocities.
-
-        :param reason: the error that ends the run; None if the run to stop has already ended
-        :param only: the run to stop; used only if ``reason`` is None.  If a newer run has begun,
-            nothing is sent
-        :returns: why the stop could not be sent; None if it was sent now or before, or if a newer
-            run has begun
+        :param reason: ends the run, whose thread raises it; None if the run to stop has ended
+            already
+        :param only: the run to stop if ``reason`` is None; nothing is sent after a newer one has
+            begun
+        :returns: why the stop could not be sent; None if it was sent, or a newer run has begun
         """
         run = only
         if reason is not None:
@@ -158,11 +140,8 @@ class StopController:
 
     def stop_after_idle(self, run: Run, within: float) -> None:
         """
-        Stop the robot in the background after a run has ended, unless another run begins soon.
+        Stop the robot in the background after a run, unless another begins in time.
 
-        A run is one drive of the robot.  This method does not wait for the stop.
-
-        :param run: the run that has just ended
         :param within: how long to wait for another run before the stop is sent [s]
         """
         self._later = threading.Timer(within, self._stop_ended, (run,))
@@ -189,13 +168,9 @@ class StopController:
 
     def _repeat_until_still(self, run: Run | None) -> bool:
         """
-        Send more zero velocities until odometry shows no motion.
+        Send more zeros until odometry shows no motion: the link may have lost the others.
 
-        The reason: the link to the robot may have lost all zero velocities that were sent before.
-
-        :param run: the run that is stopped; if a newer run has begun, nothing more is sent
-        :returns: True when the function ``still_moving`` has found no motion; False after
-            STOP_CONFIRM_TIMEOUT, or if a newer run has begun
+        :returns: False after STOP_CONFIRM_TIMEOUT, or if a newer run has begun
         """
         end = self._clock() + STOP_CONFIRM_TIMEOUT
         while self._still_moving():

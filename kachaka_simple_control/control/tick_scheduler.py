@@ -11,12 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Find the velocity of a plan that is due at a given time.
-
-A speed factor, which may change at any time, slows the plan down.  This module reads no clock: the
-caller passes the time.
-"""
+"""Find the velocity of a plan that is due at a given time, slowed down by a speed factor."""
 
 from __future__ import annotations
 
@@ -40,16 +35,14 @@ class Tick(NamedTuple):
     """
     A velocity to send, and the time when it is due.
 
-    Times are counted from t = 0, when the first velocity is due.
+    Times are counted from t = 0, when the first velocity is due [s].
 
-    :param velocity: the velocity
-    :param start: when the velocity is due [s after t = 0]
-    :param deadline: when the next velocity is due [s after t = 0]
-    :param rest: how long the robot stays at rest from ``start`` on [s]; 0 while it moves, infinite
-        while a speed factor of 0 holds it at rest
-    :param plan_time: the point in the plan to which the velocity belongs [s after the start of the
-        plan].  It is equal to ``start`` unless a speed factor below 1 has delayed the plan.  None
-        without a plan
+    :param start: when the velocity is due
+    :param deadline: when the next velocity is due
+    :param rest: how long the robot stays at rest from ``start`` on; 0 while it moves, infinite
+        while a speed factor of 0 holds it
+    :param plan_time: the point in the plan; ``start`` unless a speed factor has delayed the plan;
+        None without a plan
     """
 
     velocity: Velocity
@@ -61,13 +54,9 @@ class Tick(NamedTuple):
 
 class VelocitySource(Protocol):
     """
-    An interface for an object that returns the velocities to send, for one drive of a robot.
+    Returns the velocities to send, of a plan or of direct commands, for one drive of a robot.
 
-    The velocities come from a plan, or from direct commands without a plan.
-
-    :ivar kind: the purpose of the velocities, for example to drive a plan; for logs and displays
-    :ivar skipped: how many velocities the newest call of ``due`` left out, because they were too
-        late
+    :ivar skipped: how many velocities the newest call of ``due`` left out, being too late
     :ivar plan_duration: the duration of the plan at full speed [s]; None without a plan
     """
 
@@ -77,16 +66,12 @@ class VelocitySource(Protocol):
 
     def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
         """
-        Return the velocity that is due at a time, and the time when the next velocity is due.
+        Return the velocity that is due, and until when; None if no more velocities follow.
 
-        Call this first with ``elapsed`` 0.  Then call it at the deadline of the returned tick, or
-        earlier.
+        Call this first with ``elapsed`` 0, then at the deadline of the returned tick or earlier.
 
-        :param elapsed: the time since the first velocity was due [s]; it must not decrease between
-            calls
-        :param factor: the speed relative to the plan, from 0 to 1; it applies from the start of
-            the returned tick on
-        :returns: the tick, which is a velocity with its times; None if no more velocities follow
+        :param elapsed: the time since t = 0 [s]; it must not decrease between calls
+        :param factor: the speed factor from the start of the returned tick on
         """
 
 
@@ -94,17 +79,10 @@ class TickScheduler:
     """
     Returns the velocity of a plan that is due at a given time.
 
-    A late call does not delay the velocities that follow.  It returns the velocity that is due at
-    the time of the call.  The times at which velocities are due depend only on the plan and on the
-    changes of the speed factor, which is the speed relative to the plan.
-
-    While the speed factor is 1, the velocities are exactly those of the plan.  A plan is a
-    sequence of trajectories, each with its own velocity profile.  When the speed factor changes,
-    the rest of the current trajectory is planned again, from the position and velocity that the
-    robot has reached in the plan.  Each later trajectory is planned again when it begins, until
-    one of them can be driven exactly as in the plan.
-
-    :param plan: the plan
+    A late call does not delay what follows: it returns what is due at its time.  While the speed
+    factor is 1, the velocities are exactly those of the plan.  When it changes, the rest of the
+    current trajectory is planned again, from the position and velocity reached in the plan; each
+    later one when it begins, until one can be driven exactly as in the plan.
     """
 
     kind = VelocityKind.PLAN
@@ -124,17 +102,7 @@ class TickScheduler:
         self._tick = next(self._ticks, None)
 
     def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
-        """
-        Return the velocity that is due at a time, and the time when the next velocity is due.
-
-        Call this first with ``elapsed`` 0.  Then call it at the deadline of the returned tick.
-
-        :param elapsed: the time since the first velocity was due [s]; it must not decrease between
-            calls
-        :param factor: the speed relative to the plan, from 0 to 1; it applies from the start of
-            the returned tick on
-        :returns: the tick, which is a velocity with its times; None when the plan is over
-        """
+        """Return the velocity that is due, as :meth:`VelocitySource.due` says."""
         passed = 0
         while self._tick is not None and self._tick.deadline <= elapsed:
             self._pass(self._tick)
@@ -151,14 +119,7 @@ class TickScheduler:
             self._begin(self._replanned.following(), tick.deadline)
 
     def _change_factor(self, tick: Tick, factor: float) -> None:
-        """
-        Plan the current trajectory again, because the speed factor has changed.
-
-        A trajectory is a part of the plan.
-
-        :param tick: the velocity that is due; the new speed factor applies from its start on
-        :param factor: the new speed relative to the plan, from 0 to 1
-        """
+        """Plan the current trajectory again from a tick on, for another speed factor."""
         self._factor = factor
         assert tick.plan_time is not None
         if self._replanned is None:
@@ -173,14 +134,9 @@ class TickScheduler:
 
     def _begin(self, trajectory: _ReplannedTrajectory | None, now: float) -> None:
         """
-        Begin a trajectory of the plan; if it cannot be driven as planned, plan it again.
+        Begin a trajectory of the plan, None after the last; if needed, plan it again.
 
-        It can be driven as planned if the speed factor is 1 and the robot has the planned
-        velocity.
-
-        :param trajectory: the trajectory, which is a part of the path; None after the last
-            trajectory
-        :param now: when the trajectory begins [s after the start of the drive]
+        It is driven as planned if the factor is 1 and the robot has the planned velocity.
         """
         self._replanned = trajectory
         while self._replanned is not None:
@@ -198,13 +154,7 @@ class TickScheduler:
             self._replanned = self._replanned.following()
 
     def _as_planned(self, first: int, delay: float) -> Iterator[Tick]:
-        """
-        Yield the velocities of the plan, all with the same delay.
-
-        :param first: the index of the segment of the plan with which to begin; a segment is a time
-            interval with one velocity
-        :param delay: how much later than in the plan the velocities are due [s]
-        """
+        """Yield the velocities of the plan from a segment on, all with the same delay [s]."""
         period = self._plan.period
         for index in range(first, len(self._plan.segments)):
             segment = self._plan.segments[index]
@@ -224,20 +174,10 @@ class _ReplannedTrajectory:
     """
     A trajectory of a plan that is planned again, because the speed factor has changed.
 
-    A plan is a list of steps.  Each step is a list of trajectories, which are parts of the path
-    with their timing.
-
-    The unit of ``reached`` is m/s, or rad/s for a turn in place.  For a step that holds a constant
-    velocity for a time, the unit is plan seconds per second: 1 as planned, 0.5 at half the speed.
-
-    :param plan: the plan
-    :param step: the index of the step that contains the trajectory
-    :param number: the index of the trajectory in this step
-    :param plan_start: when the trajectory begins in the plan [s after the start of the plan]
-    :param reached: the velocity along the path at the end of the previous trajectory; 0 if the
-        robot stood still
-    :param state: the position and velocity that are reached in the trajectory; None if the
-        trajectory has not begun
+    :param plan_start: when it begins in the plan [s]
+    :param reached: the velocity along the path at the end of the one before; 0 if the robot stood
+        still
+    :param state: what is reached in it; None if it has not begun
     """
 
     def __init__(
@@ -253,27 +193,15 @@ class _ReplannedTrajectory:
         self._state = self._end = state or PathState(0.0)
 
     def begin(self, factor: float) -> bool:
-        """
-        Begin the trajectory, and check whether it can be driven exactly as in the plan.
-
-        A trajectory is a part of the plan.
-
-        :param factor: the speed relative to the plan, from 0 to 1
-        :returns: True if the factor is 1 and the trajectory starts with its planned velocity
-        """
+        """Begin the trajectory; return whether it can be driven exactly as in the plan."""
         self._state = self.trajectory.first_state(factor, self._reached)
         return factor == 1.0 and self._state == self.trajectory.planned_start
 
     def ticks(self, factor: float, now: float, before: Sent) -> Iterator[Tick]:
         """
-        Yield the velocities of the trajectory, from its current position to its end.
+        Yield its velocities from its current position to its end.
 
-        A trajectory is a part of the plan.  If the speed factor stops the robot on the way, yield
-        zero velocities for ever.
-
-        :param factor: the speed relative to the plan, from 0 to 1
-        :param now: when the first of these velocities is due [s after the start of the drive]
-        :param before: the velocity before these, and its duration
+        If the speed factor stops the robot on the way, yield zero velocities for ever.
         """
         end = 0.0
         pieces = self.trajectory.pieces(self._state, factor, self._plan.period, before)
@@ -293,11 +221,7 @@ class _ReplannedTrajectory:
             now = following
 
     def following(self) -> _ReplannedTrajectory | None:
-        """
-        Return the next trajectory, which is a part of the plan; None if this one is the last.
-
-        Trajectories with a duration of 0 are skipped.
-        """
+        """Return the next trajectory that takes time; None if this one is the last."""
         reached = self.trajectory.exit_velocity(self._end)
         number = self._number + 1
         for step in range(self._step, len(self._plan.steps)):
@@ -314,15 +238,7 @@ class _ReplannedTrajectory:
 
 
 def _at_plan_time(plan: Plan, time: float) -> _ReplannedTrajectory:
-    """
-    Return the trajectory, a part of the path, that is driven at a given time of a plan.
-
-    The returned object contains the planned position and velocity at this time.  So the rest of
-    the trajectory can be planned again.
-
-    :param plan: the plan
-    :param time: the time [s after the start of the plan]
-    """
+    """Return the trajectory at a time of a plan, with what is reached in it then."""
     step = plan.step_index(time)
     start = plan.steps[step].start
     trajectories = plan.steps[step].trajectories
@@ -337,20 +253,7 @@ def _at_plan_time(plan: Plan, time: float) -> _ReplannedTrajectory:
 
 
 def _velocity_before(plan: Plan, step: int, number: int) -> float:
-    """
-    Return the planned velocity at the end of the trajectory that precedes a given trajectory.
-
-    Trajectories with a duration of 0 are skipped.
-
-    The unit of the velocity is m/s, or rad/s for a turn in place.  For a step that holds a
-    constant velocity for a time, the unit is plan seconds per second: 1 as planned, 0.5 at half
-    the speed.
-
-    :param plan: the plan
-    :param step: the index of the step that contains the given trajectory
-    :param number: the index of the given trajectory in this step
-    :returns: the velocity along the path; 0 if the robot stands still then
-    """
+    """Return the planned velocity along the path at the end of the trajectory before one."""
     before = [*plan.steps[step].trajectories[:number]]
     while step and not any(trajectory.duration for trajectory in before):
         step -= 1

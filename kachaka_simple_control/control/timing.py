@@ -12,16 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-All periods and timeouts that are important for safety, each with its reason and source.
+All periods and timeouts that are important for safety [s], each with its reason and source.
 
-They are in one place, so that a safety review finds them all.  All values are in seconds unless
-the name or the comment says otherwise.  "Measured" means: in the benchmarks; see
-``docs/safety.md`` and ``docs/benchmarks.md``.  "Maker" means: from the public repository
-pf-robotics/kachaka-api.  "Chosen" means: decided by the authors of this package.
-
-Two more times depend on the robot, and are in ``files/robot_profile.py``.  These are how long the
-robot keeps a velocity (the command timeout, 0.3 s for a Kachaka), and how long manual control
-lasts (60 s).
+"Measured" means: in the benchmarks; see ``docs/safety.md`` and ``docs/benchmarks.md``.  "Maker"
+means: from the public repository pf-robotics/kachaka-api.  "Chosen" means: by the authors of this
+package.  The command timeout and the duration of manual control depend on the robot, and are in
+``files/robot_profile.py``.
 """
 
 # --- Sending velocities -----------------------------------------------------------------------
@@ -273,11 +269,7 @@ def max_gap(period: float | None, command_timeout: float) -> float:
     """
     Return the longest allowed time from one velocity message to the next one [s].
 
-    A longer time is a fault.
-
-    :param period: the normal time between two messages [s]; None if it is unknown
-    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]; the
-        result is never longer than this time
+    :param period: the normal one [s]; None if it is unknown
     """
     if period is None:
         return command_timeout
@@ -288,22 +280,13 @@ def min_rate(command_timeout: float) -> float:
     """
     Return the lowest rate of velocity messages that leaves room for a late message [Hz].
 
-    At this rate, a message that is late by MAX_LATENESS still arrives within the command timeout
-    after the previous message.
-
-    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
+    One that is late by MAX_LATENESS still arrives within the command timeout after the one before.
     """
     return 1.0 / (command_timeout - MAX_LATENESS)
 
 
 def rate_problem(rate: float, command_timeout: float, robot: str) -> str:
-    """
-    Return why velocities cannot be sent at a rate, as text; empty if they can.
-
-    :param rate: the rate [Hz]
-    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
-    :param robot: the name of the robot, for the text
-    """
+    """Return why velocities cannot be sent at a rate [Hz], as text; empty if they can."""
     lowest = min_rate(command_timeout)
     if lowest <= rate <= MAX_RATE:
         return ''

@@ -38,11 +38,7 @@ from kachaka_simple_control.motion.limits import Limits
 
 
 class GateState(Enum):
-    """
-    Whether the velocity gate may publish velocities: not yet, now, or never again.
-
-    The velocity gate is the only object of a node that publishes velocities.
-    """
+    """Whether the velocity gate may publish velocities: not yet, now, or never again."""
 
     #: This program does not control the robot yet.  Even a zero velocity is blocked, because it
     #: makes a Kachaka leave its dock.
@@ -58,11 +54,8 @@ class Run:
     """
     One drive of a robot, from its request to its end; only the newest run may send velocities.
 
-    :param max_gap: the longest allowed time between two messages [s], without the time in which
-        the program waits for DDS
-    :param command_timeout: the longest allowed time between two messages [s], including the time
-        in which the program waits for DDS.  After this time without a message the robot stops by
-        itself
+    :param max_gap: the longest allowed time between two messages, without that spent in DDS [s]
+    :param command_timeout: the same with it: the robot has then stopped by itself [s]
     """
 
     def __init__(
@@ -82,11 +75,10 @@ class Run:
 
 class PortTime:
     """
-    The total time that one thread has spent in DDS calls, for all robots that it drives.
+    The time that one thread has spent in DDS calls, for all robots that it drives.
 
-    While the thread waits in a DDS call for one robot, it cannot send to its other robots.  So the
-    time between two messages to a robot may be longer by this waiting time, but by no more than
-    PUBLISH_TIMEOUT.
+    It cannot send to other robots meanwhile, so the time between two messages to a robot may be
+    longer by it, but by no more than PUBLISH_TIMEOUT.
     """
 
     def __init__(self) -> None:
@@ -102,21 +94,14 @@ class VelocityGate:
     """
     The only object of a node that publishes velocities; it first checks each velocity.
 
-    The gate converts each velocity according to the calibration.  It checks the limits, the latch
-    (a flag that blocks all motion once it is set) and the time since the last message.  Then it
-    publishes the velocity, and reports it as an event to logs and displays.  It checks and
-    publishes under one lock.  So after a stop has sent its first zero velocity, no thread can send
-    another velocity of the stopped drive.
+    It converts a velocity by the calibration, checks the limits, the latch and the time since the
+    last message, publishes, and reports the event, all under one lock: after the first zero of a
+    stop, no thread can send a velocity of the stopped drive.
 
-    :param transmit: a function that publishes a velocity
-    :param limits: the robot's limits; a velocity beyond them is never published
-    :param latch: after this flag is set, only zero velocities are published
-    :param sending: a flag that is set while a DDS call runs
-    :param clock: the steady clock [s]
-    :param gap_clock: the clock for the time between two messages [s]; it also counts while the
-        machine is suspended
-    :param command: a function that converts a wanted velocity to the velocity that is sent,
-        according to the calibration
+    :param limits: a velocity beyond them is never published
+    :param sending: set while a DDS call runs
+    :param gap_clock: for the time between two messages [s]; it counts while the machine is
+        suspended, too
     """
 
     def __init__(
@@ -156,19 +141,11 @@ class VelocityGate:
 
     @property
     def run(self) -> Run | None:
-        """
-        Return the run that has begun last, even if it is over; None if no run has begun.
-
-        A run is one drive of the robot.
-        """
+        """Return the run that has begun last, even if it is over; None if no run has begun."""
         return self._run
 
     def open(self) -> None:  # noqa: A003
-        """
-        Allow this object to publish velocities, because the program now controls the robot.
-
-        After ``close``, this method has no effect.
-        """
+        """Allow to publish, now that the robot is taken; no effect after ``close``."""
         with self._lock:
             if self._state is GateState.NOT_OPENED:
                 self._state = GateState.OPEN
@@ -179,11 +156,7 @@ class VelocityGate:
             self._state = GateState.CLOSED
 
     def prepare(self) -> Run:
-        """
-        Create a run, which is one drive of the robot, before the robot is ready to drive.
-
-        The run can send velocities only after ``begin``.  From now on ``cancel`` can end it.
-        """
+        """Create a run that can send after ``begin``; ``cancel`` can end it from now on."""
         run = Run()
         with self._lock:
             self._pending = run
@@ -193,20 +166,14 @@ class VelocityGate:
             self, max_gap: float, run: Run | None = None,
             command_timeout: float = math.inf, began: float = math.nan) -> Run:
         """
-        Begin a run, which is one drive of the robot.
+        Begin a run; the previous one can no longer send velocities.
 
-        From now on the previous run can no longer send velocities.
-
-        :param max_gap: the longest allowed time between two messages [s], without the time in
-            which the program waits for DDS
+        :param max_gap: the longest allowed time between two messages, without that spent in DDS
+            [s]
         :param run: the run that ``prepare`` returned; None for a new run
-        :param command_timeout: how long the robot keeps a velocity if no new message arrives [s].
-            A longer time between two messages always ends the run, because the robot has then
-            stopped by itself
-        :param began: when the first velocity is due, called t = 0 [s on the steady clock]
-        :returns: the run, which ``send`` needs
-        :raises ControlError: if the run was cancelled, if this object may not publish velocities,
-            or if the latch, a flag that blocks all motion, is set
+        :param began: t = 0 [s]
+        :raises ControlError: if the run was cancelled, nothing may be published, or the latch is
+            set
         """
         run = run or Run()
         with self._lock:
@@ -221,18 +188,13 @@ class VelocityGate:
             self, run: Run, velocity: Velocity, kind: VelocityKind = VelocityKind.PLAN,
             due: float | None = None, plan_time: float | None = None, skipped: int = 0) -> float:
         """
-        Check a velocity of a run, which is one drive of the robot, and publish it.
+        Check a velocity of a run and publish it.
 
-        :param run: the run
-        :param velocity: the wanted velocity of the robot; the calibration converts it to the
-            velocity that is sent
-        :param kind: the purpose of the velocity, for logs and displays
-        :param due: when the velocity is due [s after the start of the run]
-        :param plan_time: the point in the plan to which the velocity belongs [s after the start of
-            the plan]; None without a plan
-        :param skipped: how many velocities directly before this one were left out, because they
-            were too late
-        :returns: when the velocity was sent [s on the steady clock]
+        :param velocity: the wanted velocity of the robot, before the calibration
+        :param due: when the velocity is due [s after t = 0]
+        :param plan_time: the point in the plan [s]; None without a plan
+        :param skipped: how many velocities directly before this one were left out, being too late
+        :returns: when it was sent [s on the steady clock]
         :raises ControlError: if the run was ended, the last message was sent too long ago, or the
             velocity is beyond the limits; then nothing was published
         """
@@ -265,13 +227,9 @@ class VelocityGate:
 
     def wait_for_dds(self, ask: Callable[[], None]) -> None:
         """
-        Call a function that may have to wait for DDS.
+        Call a function that may wait for DDS; its time does not count as one between messages.
 
-        The time between two velocity messages is limited.  The time of this call does not count
-        for this limit.
-
-        :param ask: the function, for example a graph query, which takes up to 0.17 s while nodes
-            join or leave (measured)
+        A graph query takes up to 0.17 s while nodes join or leave (measured).
         """
         began = self._gap_clock()
         self._sending.set()
@@ -283,21 +241,17 @@ class VelocityGate:
 
     def check(self, run: Run) -> None:
         """
-        Check that a run, which is one drive of the robot, may still send velocities.
+        Check that a run may still send velocities.
 
-        :param run: the run
-        :raises ControlError: if the run was ended, if a newer run has begun, or if this object may
-            not publish velocities
+        :raises ControlError: if it was ended, a newer one has begun, or nothing may be published
         """
         self._check(run)
 
     def cancel(self, reason: ControlError) -> Run | None:
         """
-        End the newest run, and also a run that was prepared but has not begun.
+        End the newest run, and one that was prepared but has not begun.
 
-        A run is one drive of the robot.  From now on these runs can send no velocities.
-
-        :param reason: the error that ``begin``, ``send`` and ``check`` raise for these runs
+        :param reason: what ``begin``, ``send`` and ``check`` raise for these runs
         :returns: the newest run that has begun; None if no run has begun
         """
         with self._lock:
@@ -312,11 +266,8 @@ class VelocityGate:
         """
         Publish a zero velocity, if publishing is allowed and no newer run has begun.
 
-        A run is one drive of the robot.
-
-        :param after: the run that the zero velocity follows; None if no run has begun
-        :param kind: the purpose of the zero velocity, for logs and displays
-        :returns: whether the zero velocity was published
+        :param after: the run that it follows; None if no run has begun
+        :returns: whether it was published
         """
         with self._lock, signal_dispatcher.deferred():
             if self._state is not GateState.OPEN or self._run is not after:
@@ -332,14 +283,7 @@ class VelocityGate:
             return True
 
     def _publish_guardian_stop(self, now: float) -> None:
-        """
-        Report only once to logs and displays that the guardian has begun to stop the robot.
-
-        The guardian is a separate process that stops the robot if this program cannot.
-
-        :param now: the time [s on the steady clock]; only a stop that began before this time is
-            reported
-        """
+        """Report, once, that the guardian began to stop the robot before a time."""
         stopped = self._latch.guardian_stop_time
         if stopped is not None and not self._has_logged_guardian and stopped < now:
             self._has_logged_guardian = True

@@ -25,13 +25,9 @@ def wait_until(
         condition: Callable[[], bool], timeout: float,
         check: Callable[[], None] = lambda: None) -> bool:
     """
-    Wait until a condition is true, or until a timeout; evaluate the condition every POLL_PERIOD.
+    Wait until a condition is true, and return whether it is; look every POLL_PERIOD.
 
-    :param condition: a function that returns whether the condition is true
-    :param timeout: how long to wait [s]
-    :param check: a function that is called every POLL_PERIOD during the wait; an error that it
-        raises ends the wait
-    :returns: True if the condition became true; False after the timeout
+    :param check: called as often; an error that it raises ends the wait
     """
     end = time.monotonic() + timeout
     while not condition():

@@ -11,12 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Decide when the guardian has to stop the robot, and detect a guardian that is frozen.
-
-The guardian is a separate process that stops the robot if the node cannot.  This module reads no
-clock: the caller passes the time.
-"""
+"""Decide when the guardian has to stop the robot, and detect a guardian that is frozen."""
 
 from __future__ import annotations
 
@@ -37,12 +32,7 @@ ROUNDING_ERROR = 1e-6
 
 
 class GuardianMessage(bytes, Enum):
-    """
-    The messages that a node sends to its guardian, a separate process that stops the robot.
-
-    Each message is one byte.  A byte with the slot number of the robot precedes it.  This number
-    is the index of the robot in the memory that both processes share.
-    """
+    """The messages that a node sends to its guardian: one byte, after that of the robot's slot."""
 
     #: publish one zero velocity and report it, so that the robot's reader is matched before a run
     PRIME = b'p'
@@ -60,15 +50,12 @@ class Watchdog:
     """
     Decides when the guardian must stop the robot, because the node was silent for too long.
 
-    The guardian is a separate process.  The node has to send messages to it from the first
-    heartbeat of a run (one drive of the robot) to the last zero velocity of the stop.  After this
-    zero velocity, the guardian need not stop the robot.  It stops the robot at most once in each
-    run.
+    The node sends heartbeats from the start of a run to the last zero velocity of its stop.  The
+    robot is stopped at most once in each run.
 
-    The silence of the node does not include two times.  The first is the time in which the
-    guardian itself could not run, because a short pause of the whole machine must not end a drive.
-    The second is the time in which the node waits in a DDS call.  This time has its own limit,
-    PUBLISH_TIMEOUT.
+    Two times are no silence: that in which the guardian itself could not run, because a short
+    pause of the whole machine must not end a drive; and that in which the node waits in a DDS
+    call, which has a limit of its own, PUBLISH_TIMEOUT.
 
     :param heartbeat_timeout: the longest allowed time without a heartbeat during a run [s]
     """
@@ -89,12 +76,7 @@ class Watchdog:
         self._must_stop = False
 
     def on_message(self, message: bytes, now: float) -> None:
-        """
-        Process a message that the node has sent to the guardian.
-
-        :param message: the message: one byte, a value of ``GuardianMessage``
-        :param now: when the guardian has read the message [s]
-        """
+        """Process a message that the node has sent to the guardian."""
         if message == GuardianMessage.HEARTBEAT or (
                 message == GuardianMessage.STOPPING and self._must_stop):
             self._counted, self._silent, self._publishing = now, 0.0, 0.0
@@ -105,14 +87,7 @@ class Watchdog:
             self._must_stop, self._counted = False, None
 
     def on_heartbeat(self, written: float, now: float) -> None:
-        """
-        Process the heartbeat, a time that the node writes into the shared memory during a drive.
-
-        A new time shows that the node still works.  Outside a drive, this call has no effect.
-
-        :param written: when the node wrote the heartbeat [s]
-        :param now: the time [s]
-        """
+        """Process a heartbeat, the time when the node wrote it [s]; no effect outside a drive."""
         is_due = self._counted is not None and self.allowed == self._heartbeat_timeout
         if self._counted is not None and is_due and written != self._heartbeat:
             self._heartbeat = written
@@ -122,13 +97,10 @@ class Watchdog:
 
     def on_disconnect(self) -> bool:
         """
-        End the watch of the robot; call this when no more messages from the node are processed.
+        End the watch of the robot: it was released, or the node or the guardian ends.
 
-        This is the case when the node has released the robot, and when the node or the guardian
-        ends.
-
-        :returns: whether the guardian has to stop the robot now, because the node has not reported
-            the end of the stop
+        :returns: whether the guardian has to stop the robot now, because no end of a stop was
+            reported
         """
         must_stop = self._must_stop
         self._must_stop, self._counted = False, None
@@ -136,15 +108,10 @@ class Watchdog:
 
     def has_timed_out(self, now: float, is_publishing: bool = False) -> bool:
         """
-        Return whether the node was silent for too long, so that the guardian must stop the robot.
+        Return whether the node was silent for too long; call this after each wait.
 
-        Call this after each wait for messages; such a wait may take at most ``timeout()``.
-
-        :param now: the time [s]
-        :param is_publishing: True if the node is not frozen and waits in a DDS call, which may
-            take longer than the normal time between two heartbeats
-        :returns: whether the robot must be stopped now.  After this value was True once, it is
-            False until a new drive begins
+        :param is_publishing: whether the node, not frozen, waits in a DDS call, which may take
+            longer
         """
         if self._counted is None:
             return False
@@ -161,11 +128,7 @@ class Watchdog:
         return True
 
     def timeout(self) -> float | None:
-        """
-        Return how long the guardian may wait for the next message of the node [s].
-
-        The value is None if no message is due, because the robot is not driven.
-        """
+        """Return how long to wait for the next message of the node [s]; None if none is due."""
         if self._counted is None:
             return None
         return min(self._longest_wait(), self.allowed - self._silent)
@@ -178,9 +141,7 @@ class GuardianWatch:
     """
     Detects, in the node, that its guardian is frozen and no longer checks heartbeats.
 
-    The guardian is a separate process that checks the heartbeats of the node.  The time in which
-    the node itself could not run is not included, because a pause of the whole machine affects
-    both processes.
+    The time in which the node itself could not run does not count.
     """
 
     def __init__(self) -> None:
@@ -188,21 +149,14 @@ class GuardianWatch:
         self._checked = self._silent = 0.0
 
     def reset(self) -> None:
-        """
-        Forget how long the guardian was silent; the next call of ``is_frozen`` measures again.
-
-        The guardian is a separate process that checks the heartbeats of the node.  Call this at
-        the end of a drive, because no heartbeats are sent until the next drive.
-        """
+        """Begin to measure anew; for the end of a drive, after which no heartbeats are sent."""
         self._count = None
 
     def is_frozen(self, now: float, count: int) -> bool:
         """
         Return whether the guardian process has checked no heartbeat for GUARDIAN_TIMEOUT.
 
-        :param now: the time [s]
-        :param count: how often the guardian has checked heartbeats; this number restarts at 0
-            after 255
+        :param count: how often it has checked; this number restarts at 0 after 255
         """
         if count == self._count:
             self._silent += min(now - self._checked, 2.0 * CHECK_PERIOD)

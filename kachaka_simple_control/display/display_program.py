@@ -14,9 +14,8 @@
 """
 The program that shows a running drive in the terminal, as a panel or as plain lines.
 
-A panel is a group of fixed rows at the bottom of the terminal.  This program is a process of its
-own.  So drawing never holds the GIL of the driving program, and an error here does not end the
-drive.
+This program is a process of its own.  So drawing never holds the GIL of the driving program, and
+an error here does not end the drive.
 """
 
 from __future__ import annotations
@@ -79,9 +78,6 @@ class StepLogger:
         There is a line for each new step, but at most one in 0.5 s.  If some steps had no line,
         the next line says how many.  There is also a line when the program has waited for the
         robot for 2 s; later waits have no line.
-
-        :param status: the current status of the drive
-        :param now: the time of this status [s on the steady clock]
         """
         if status.state is not self._state:
             self._state, self._state_since = status.state, now
@@ -114,7 +110,6 @@ class LineRenderer:
     Shows the status of a drive as plain lines of text.
 
     :param write: a function that writes a text to the output with a single system call
-    :param has_hint: whether to write one line that says how to stop the robot
     """
 
     #: the period at which ``show`` must be called [s]
@@ -131,10 +126,6 @@ class LineRenderer:
         Write lines about a new step or a long wait for the robot, if there is something new.
 
         Before the robot moves for the first time, also write the hint.
-
-        :param status: the current status of the drive
-        :param now: the time [s on the steady clock]
-        :param hint: the text that says how to stop the robot
         """
         if self._has_hint and status.state in (DriveState.CONNECTING, DriveState.DRIVING):
             self._has_hint = False
@@ -146,9 +137,6 @@ class LineRenderer:
         Write lines about a new step or a long wait for the robot, after an event of the drive.
 
         Two threads call this method: the thread that reads the events, and the thread that draws.
-
-        :param status: the status of the drive at the time of the event
-        :param now: the time of the event, even if the event is read later [s on the steady clock]
         """
         with self._lock:
             for line in self._logger.update(status, now):
@@ -165,9 +153,6 @@ class PanelRenderer(LineRenderer):
     While the terminal is too small for the panel, plain lines are written instead.
 
     :param write: a function that writes a text to the terminal with a single system call
-    :param size: a function that returns the size of the terminal
-    :param render: a function that takes the width of the terminal, the status of the drive and a
-        text that says how to stop the robot, and returns the lines of the panel
     """
 
     #: a panel is drawn at most 5 times a second
@@ -186,10 +171,6 @@ class PanelRenderer(LineRenderer):
         Draw the panel if its text or the size of the terminal has changed.
 
         If the terminal is too small for the panel, write plain lines instead.
-
-        :param status: the current status of the drive
-        :param now: the time [s on the steady clock]
-        :param hint: the text that says how to stop the robot
         """
         size = self._size()
         if _is_too_small(size):
@@ -209,12 +190,7 @@ class PanelRenderer(LineRenderer):
         self._drawn = size, lines
 
     def on_event(self, status: DriveStatus, now: float) -> None:
-        """
-        Write plain lines if the terminal is too small for the panel; otherwise do nothing.
-
-        :param status: the status of the drive at the time of the event
-        :param now: the time of the event [s on the steady clock]
-        """
+        """Write plain lines if the terminal is too small for the panel; otherwise do nothing."""
         if self._is_small:
             super().on_event(status, now)
 
@@ -235,8 +211,6 @@ def renderer_for(descriptor: int) -> LineRenderer:
 
     It draws a panel, a group of fixed rows, if the output is a terminal that supports this, and
     the Python library rich is installed.  Otherwise it writes plain lines.
-
-    :param descriptor: the file descriptor of the output
     """
     def write(text: str) -> None:
         # One write call, so that no output of other programs comes in between.
@@ -261,7 +235,6 @@ class TerminalDisplay:
     Shows a drive; it reads the events of the driving program from standard input.
 
     :param renderer: the object that shows the status, as a panel or as plain lines
-    :param parent: the process id of the driving program
     """
 
     def __init__(self, renderer: LineRenderer, parent: int) -> None:
@@ -327,9 +300,8 @@ def describe_killed(tracker: DriveTracker) -> str:
     """
     Return a line for the user, to print after the driving program was killed.
 
-    If a motion was running, the line also says whether a guardian stops the robot.  The guardian
-    is a separate process that the driving program can start.  Without a guardian, nothing stops
-    the robot except the robot itself.
+    If a motion was running, the line also says whether a guardian stops the robot.  Without a
+    guardian, nothing stops the robot except the robot itself.
 
     :param tracker: the object that has followed the status of the driving program
     """
@@ -342,13 +314,7 @@ def describe_killed(tracker: DriveTracker) -> str:
 
 
 def stop_hint(pid: int, has_keys: bool, is_held: bool) -> str:
-    """
-    Return a short text that says how to stop the robot, and which other keys the user can press.
-
-    :param pid: the process id of the driving program
-    :param has_keys: whether the driving program reads keys
-    :param is_held: whether the motion is paused, or the next motion will start paused
-    """
+    """Return a short text that says how to stop the robot, and which other keys there are."""
     if processes.is_in_background(pid):
         return f'`kill {pid}` stops the robot'
     if not has_keys:

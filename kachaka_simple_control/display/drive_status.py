@@ -74,14 +74,10 @@ class StepStatus:
     """
     The status of the current step of a motion.
 
-    The display counts either the steps of the motion or the movements.  A movement is one call of
-    a method that drives the robot, such as ``move_robot``.
+    The display counts either the steps of the motion or the movements.
 
     :param number: the number of the step or movement, from 1
     :param count: the total number of steps or movements; None if unknown
-    :param noun: the word to show before the number: ``step`` or ``movement``
-    :param description: a text that says what the step does
-    :param duration: the planned duration of the step [s]
     :param time_left: the time until the end of the step according to the plan [s]
     :param remaining: the distance and the angle that remain until the end of the step
     """
@@ -106,8 +102,6 @@ class DriveStatus:
     """
     The status of a drive at one time.
 
-    :param state: the state of the drive, for example driving or paused
-    :param title: the name of the motion
     :param robot: the name of the robot; empty if not yet known
     :param reason: why the motion ended early; None if it did not end early
     :param topic: the topic of velocities, to which the robot must subscribe; empty if not yet
@@ -144,11 +138,7 @@ class DriveStatus:
 
     @property
     def is_held(self) -> bool:
-        """
-        Return whether the speed factor is so low that the robot is kept at standstill.
-
-        The speed factor is the speed relative to the plan, from 0 to 1.
-        """
+        """Return whether the speed factor is so low that the robot is kept at standstill."""
         return is_hold(self.speed)
 
     @property
@@ -163,8 +153,6 @@ class DriveStatus:
         If the robot is kept at standstill, return how long it takes after that, at the speed from
         the other factors.  If only several factors together keep it there, return the planned
         duration.
-
-        :param duration: the duration of this part in the plan, at full speed [s]
         """
         speed = product({name: factor for name, factor in self.factors.items()
                          if not is_hold(factor)})
@@ -201,10 +189,8 @@ class StepOdometer:
         movement is added.  For example, if the step began in the middle of the duration, half of
         the distance and half of the angle are added.
 
-        :param duration: the duration of the movement [s]
         :param plan_time: the progress of the motion at the end of the movement, in seconds of its
             plan
-        :param displacement: the distance and the angle of the movement
         """
         if self._plan is None or not self._plan.steps:
             return
@@ -272,11 +258,7 @@ class DriveTracker:
                 self.session_ended = event
 
     def status_at(self, now: float) -> DriveStatus:
-        """
-        Return the status of the drive at a time, according to all events so far.
-
-        :param now: the time [s on the steady clock]
-        """
+        """Return the status of the drive at a time, according to all events so far."""
         elapsed = self._elapsed(now)
         duration = self._plan.duration if self._plan is not None else None
         odometry = self._odometry
@@ -346,8 +328,6 @@ class DriveTracker:
         Return the progress of the motion in seconds of its plan.
 
         While the speed is reduced, the error is at most one period of the velocity messages.
-
-        :param now: the current time [s on the steady clock]
         """
         own = self._own
         if own is None or own.plan_time is None:
@@ -440,9 +420,6 @@ def _remaining_amount(total: float, done: float) -> float | None:
     Return how much of a distance or of an angle remains, at least 0.
 
     If the total is 0, return None.
-
-    :param total: the whole distance or angle of the step, negative backwards or to the right
-    :param done: the distance or angle that is already done, also with its sign
     """
     if total == 0.0:
         return None

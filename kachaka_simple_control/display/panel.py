@@ -63,8 +63,6 @@ def render_panel(console: Console, columns: int, status: DriveStatus, hint: str)
 
     :param console: the console of the library rich; it knows the available colours and characters
     :param columns: the width of the terminal [columns]
-    :param status: the status of the drive
-    :param hint: the text that says how to stop the robot
     """
     # One column stays free, because a terminal may wrap a line of full width.
     width = min(columns - 1, MAX_COLUMNS)

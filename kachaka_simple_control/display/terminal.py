@@ -71,9 +71,6 @@ def reserve_rows(rows: int, height: int) -> str:
     Return the escape sequences that reserve fixed rows at the bottom of the terminal.
 
     The escape sequences also clear the rows below the cursor.
-
-    :param rows: the number of rows of the terminal
-    :param height: the number of fixed rows
     """
     room = '\n' * height + f'\x1b[{height}A'
     return f'{_CLEAR_BELOW}{room}{_SAVE}\x1b[1;{rows - height}r{_RESTORE}'
@@ -84,9 +81,6 @@ def draw_rows(rows: int, lines: Sequence[str]) -> str:
     Return the text that draws fixed rows at the bottom of the terminal.
 
     The text does not change the position of the cursor.
-
-    :param rows: the number of rows of the terminal
-    :param lines: the lines to draw, one for each fixed row, none wider than the terminal
     """
     first = rows - len(lines) + 1
     drawn = ''.join(
@@ -201,12 +195,7 @@ class Keyboard:
                 self._is_reading.set()
 
     def _read(self, ignored: str) -> bool:
-        """
-        Read the pressed keys, and call the function of each key.
-
-        :param ignored: the keys for which no function is called this time
-        :returns: False at the end of input, otherwise True
-        """
+        """Read the pressed keys, and call the function of each key."""
         try:
             keys = os.read(STDIN, KEY_COUNT)
         except OSError:  # the program has just left the foreground
@@ -239,7 +228,6 @@ def set_line_modes(descriptor: int, is_on: bool) -> None:
 
     In line mode, a program reads whole lines.  Without it, a program reads each key at once.
 
-    :param descriptor: the file descriptor of the terminal
     :param is_on: True for whole lines with echo, False for single keys without echo
     """
     attributes = termios.tcgetattr(descriptor)

@@ -58,7 +58,6 @@ class Problem:
     """
     One problem in a file, such as a wrong value, with its place in the file.
 
-    :param text: the description of the problem, in one line
     :param line: the line number of the problem, counted from 1; None if no line is known
     :param path: the keys and list indices that lead to the wrong value, as in
         ``steps[2].turn.speed``; empty if the problem is not about a certain value
@@ -100,7 +99,6 @@ class FileError(ControlError):
 
     The message has one line for each of the first MAX_LINES problems in the file.
 
-    :ivar source: the name of the file
     :ivar problems: the problems found in the file, sorted by line, without duplicates
     """
 
@@ -118,8 +116,6 @@ class FileError(ControlError):
 
         If the ``with`` block raises an ``UnreadableFileError``, an error of this class is raised
         instead.  Its message contains the file name.
-
-        :param source: the name of the file
         """
         try:
             yield
@@ -138,7 +134,6 @@ def format_problems(source: str, problems: Sequence[Problem]) -> str:
     A line of the message is, for example, ``square.yaml:7: step 3: turn: ...``.  Only the first
     MAX_LINES problems are shown.  If there are more, a last line says how many.
 
-    :param source: the name of the file
     :param problems: the problems, in the order in which the message shows them
     """
     is_short = source and source.isprintable() and len(source) <= MAX_NAME
@@ -155,8 +150,6 @@ def is_path(name_or_path: str) -> bool:
 
     A text with a dot or a slash is a path.  Any other text is the name of a motion or of a robot
     that comes with the package.
-
-    :param name_or_path: the text
     """
     return bool(set(name_or_path) & {'.', '/', os.sep})
 
@@ -165,28 +158,19 @@ def location(source: str, line: int | None) -> str:
     """
     Return a place in a file as ``file:line``, which terminals and editors show as a link.
 
-    :param source: the name of the file
     :param line: the line number, counted from 1; None to return only the name of the file
     """
     return source if line is None else f'{source}:{line}'
 
 
 def format_path(path: KeyPath) -> str:
-    """
-    Return a path of keys and list indices as text, as in ``steps[2].turn.speed``.
-
-    :param path: the keys of mappings and the indices of lists that lead to a value in a file
-    """
+    """Return a path of keys and list indices as text, as in ``steps[2].turn.speed``."""
     parts = [f'[{part}]' if isinstance(part, int) else f'.{_key(part)}' for part in path]
     return ''.join(parts).removeprefix('.')
 
 
 def parse_path(path: str) -> KeyPath:
-    """
-    Convert a text such as ``steps[2].turn.speed`` to a list of keys and list indices.
-
-    :param path: the text
-    """
+    """Convert a text such as ``steps[2].turn.speed`` to a list of keys and list indices."""
     return [key or int(index) for index, key in _PART.findall(path)]
 
 
@@ -219,8 +203,6 @@ class Node:
         Return a list of all values on a path that leads from this value to a nested value.
 
         The list begins with this value.  It ends early if the rest of the path does not exist.
-
-        :param path: the keys and list indices that lead from this value to the nested value
         """
         found = [self]
         for part in path:
@@ -234,8 +216,6 @@ class Node:
         Return the nested value to which a path leads.
 
         If there is no such value, return the last value on the path that exists.
-
-        :param path: the keys and list indices that lead from this value to the nested value
         """
         return self.along(path)[-1]
 
@@ -245,7 +225,6 @@ class Document:
     """
     The values of a file, and the problems found in the file.
 
-    :param root: the outermost value, which contains all other values of the file
     :param problems: the problems, in the order in which they were found
     """
 
@@ -276,8 +255,6 @@ class Document:
         Nothing is added if the value at ``path`` already had a problem when the YAML text was
         parsed.
 
-        :param path: the keys and list indices that lead to the wrong value
-        :param text: the description of the problem
         :raises UnreadableFileError: if the number of problems reaches MAX_PROBLEMS
         """
         nodes = self.root.along(path)
@@ -293,7 +270,6 @@ class Document:
         """
         Add a problem that describes an error, for example a value out of range.
 
-        :param path: the keys and list indices that lead to a mapping in the file
         :param error: the error; ``error.name`` is the key of the wrong value in this mapping, or
             None if the error is about the whole mapping
         """
@@ -304,9 +280,6 @@ class Document:
         Read a value such as ``90 deg`` from the file; return it as a number in its SI unit.
 
         If the value is invalid, record a problem and return None.
-
-        :param path: the keys and list indices that lead to the value
-        :param quantity: the kind of quantity that is expected, for example a length
         """
         value = self.root.at(path).data
         try:
@@ -321,10 +294,6 @@ class Document:
         Read values with units from a mapping; return a dict of numbers in SI units.
 
         The dict does not contain missing and invalid values.
-
-        :param path: the keys and list indices that lead to the mapping
-        :param quantities: for each key to read, the expected kind of quantity, for example a
-            length
         """
         node = self.root.at(path)
         numbers = {
@@ -346,12 +315,7 @@ def read_schema(path: str) -> Schema:
 
 
 def nearest(word: str, known: Mapping[str, Any] | list[str]) -> str | None:
-    """
-    Return the known word that is most similar to a given word; None if none is similar.
-
-    :param word: the given word
-    :param known: the known words
-    """
+    """Return the known word that is most similar to a given word; None if none is similar."""
     import difflib
     close = difflib.get_close_matches(word.lower(), list(known), n=1)
     return close[0] if close else None
@@ -421,7 +385,6 @@ def missing(key: str, schema: Mapping[str, Any]) -> str:
     """
     Return an error message about a missing key; it says which value the key must have.
 
-    :param key: the missing key
     :param schema: the JSON Schema of the mapping that must have the key
     """
     return f'{key!r} is missing: {_expected(schema["properties"][key])}'

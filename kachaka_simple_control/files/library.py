@@ -55,7 +55,6 @@ def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
     Only the motions that come with the package have a name.
 
     :param name_or_path: a text without dots and slashes is a name; any other value is a path
-    :returns: the motion, with the other contents of its file
     :raises MotionFileError: if there is no such motion, or the file cannot be read
     """
     if name_or_path == LESSON:
@@ -77,9 +76,7 @@ def look_up(
     Read a file of this package by its name, or any file by its path.
 
     :param name_or_path: a text without dots and slashes is a name; any other value is a path
-    :param folder: the folder of the package in which a name is looked up, for example ``motions``
     :param known: all names that the error message lists if there is no file of the given name
-    :returns: the name of the file for error messages, and the text of the file
     :raises UnreadableFileError: if there is no such file, or it cannot be read
     """
     name = os.fspath(name_or_path)
@@ -120,9 +117,6 @@ class _MotionRecorder:
         """
         Record a movement as a step of the motion.
 
-        :param linear_x: forward velocity [m/s], negative backwards
-        :param angular_z: turning velocity [rad/s], positive to the left
-        :param duration: the duration of the movement [s]
         :raises InvalidMotionError: if a value is invalid, or if there are more than MAX_MOVEMENTS
             movements, for example because of an endless loop
         """

@@ -72,13 +72,10 @@ class MotionFile:
     """
     A motion and the other contents of the file from which it was read.
 
-    :param motion: the motion
-    :param source: the name of the file
     :param robot: the robot that the motion is made for, as a name or as the path of a robot
         profile; None for any robot
     :param limits: the limits given in the file, in SI units; the keys are names of fields of
         :class:`~kachaka_simple_control.motion.limits.Limits`
-    :param rate: the rate at which to send velocities [Hz]; None if the file gives no rate
     :param closed_loop: whether to use odometry to correct the velocities; None if the file does
         not say
     :param corners: how far the robot may pass the corners between steps [m], as in ``motion``;
@@ -111,8 +108,6 @@ class MotionFile:
         """
         Check that a robot can drive the motion.
 
-        :param limits: the limits of the robot
-        :param robot: the name of the robot in error messages
         :param closed_loop: whether odometry will correct the velocities; then the plan can use
             only a part of each limit, because the rest is reserved for the corrections
         :returns: for each limit, the smaller of the robot's value and the value in the file
@@ -137,12 +132,7 @@ class MotionFile:
         return tightened
 
     def error_at(self, path: str, message: str) -> MotionFileError:
-        """
-        Return an error about one value of the file, with the line number of the value.
-
-        :param path: the keys and list indices that lead to the value, for example ``rate``
-        :param message: the description of the error
-        """
+        """Return an error about one value of the file, with the line number of the value."""
         return MotionFileError(self.source, [self._problem(InvalidMotionError(message, path))])
 
     def _tighten(self, limits: Limits) -> Limits:
@@ -151,8 +141,6 @@ class MotionFile:
 
         If the file limits the forward velocity and gives no backward velocity, the file's value
         for the forward velocity also limits the backward velocity.
-
-        :param limits: the limits of the robot
         """
         own = {name: min(value, limits.bound(name)) for name, value in self.limits.items()}
         if limits.max_backward_velocity is not None:
@@ -176,7 +164,6 @@ def read_steps(document: Document, path: KeyPath) -> tuple[Step, ...]:
     Invalid steps are left out, and their problems are recorded in ``document``.
 
     :param document: the values of the file, already checked against the JSON Schema of a motion
-    :param path: the keys and list indices that lead to the list of steps
     """
     nodes = document.root.along(path)
     if len(nodes) <= len(path) or not isinstance(nodes[-1].data, list):
@@ -216,10 +203,6 @@ def _read_value(document: Document, path: KeyPath, kind: FieldKind) -> Any:
     Read a value of a step, and return it: a number, a point or a list of points.
 
     If the value is invalid, record a problem; the returned value is then of no use.
-
-    :param document: the values of the file, already checked against the JSON Schema of a motion
-    :param path: the keys and list indices that lead to the value
-    :param kind: the type of the value
     """
     match kind:
         case Quantity():
@@ -239,8 +222,6 @@ def count(steps: Iterable[Step]) -> int:
 
     The loop, a step of the class ``Repeat``, also counts as one step.  For example, a loop that
     drives two steps three times counts as 1 + 3 * 2 = 7 steps.
-
-    :param steps: the steps
     """
     blocks = (step.block() for step in steps)
     return sum(1 if block is None else 1 + block[0] * count(block[1]) for block in blocks)
@@ -250,8 +231,6 @@ def load(path: str | os.PathLike[str]) -> MotionFile:
     """
     Read a motion from a file.
 
-    :param path: the path of the file
-    :returns: the motion, with the other contents of the file
     :raises MotionFileError: if the file cannot be read or contains no valid motion; the message
         has a line for each problem
     """
@@ -265,10 +244,8 @@ def loads(text: str, name: str = 'motion') -> MotionFile:
     """
     Read a motion from the text of a YAML file.
 
-    :param text: the text
     :param name: the file name for error messages.  If the text does not name the motion, the file
         name without its suffix is also the name of the motion
-    :returns: the motion, with the other contents of the text
     :raises MotionFileError: if the text is no valid motion; the message has a line for each
         problem
     """
@@ -305,7 +282,6 @@ def _robot(name_or_path: str | None, source: str) -> str | None:
     is put before it.
 
     :param name_or_path: the robot as written in the motion file; None if it names no robot
-    :param source: the path of the motion file
     """
     if not name_or_path or not is_path(name_or_path) or PurePath(name_or_path).is_absolute():
         return name_or_path
@@ -326,7 +302,6 @@ def dump(motion: Motion) -> str:
 
     If the text is read again, the result is equal to the motion.
 
-    :param motion: the motion
     :raises MotionFileError: if the motion cannot be written, for example because it has too many
         steps
     """
@@ -449,11 +424,7 @@ def _kind_schema(kind: object) -> Schema:
 
 
 def quantity_schema(quantity: Quantity) -> Schema:
-    """
-    Return the JSON Schema of a value with a unit, such as ``0.2 m/s``, in a file.
-
-    :param quantity: the kind of quantity, with the allowed units and signs of its values
-    """
+    """Return the JSON Schema of a value with a unit, such as ``0.2 m/s``, in a file."""
     bounds: Schema = {
         SignRule.ANY: {}, SignRule.NOT_NEGATIVE: {'minimum': 0},
         SignRule.POSITIVE: {'exclusiveMinimum': 0}}[quantity.sign]

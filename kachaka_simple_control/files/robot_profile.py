@@ -57,19 +57,12 @@ class RobotProfile:
 
     The names of topics and services are relative to the ROS namespace of the robot.
 
-    :param name: the name to show
     :param namespace: the default ROS namespace of the robot, absolute
-    :param velocity_topic: the topic for velocity commands
     :param odometry_topic: the topic of the robot's odometry; None if it has no odometry
     :param manual_control_service: the service that enables velocity commands (std_srvs/SetBool);
         None if velocity commands are always enabled
     :param manual_control_timeout: how long one call of the service enables velocity commands [s];
         infinite if there is no service or no such timeout
-    :param command_timeout: how long the robot keeps a velocity if no new command arrives [s]
-    :param limits: the largest velocities, accelerations and jerks
-    :param message_type: the type of velocity messages: Twist or TwistStamped of geometry_msgs, or
-        ANY_TYPE for the one that the robot takes
-    :param frame: the frame in the header of a TwistStamped
     :param footprint: the outline of the robot, for plots; None if unknown
     :param calibration: the difference between the velocities that are sent and the velocities that
         odometry reports; None for no difference
@@ -139,8 +132,6 @@ class RobotProfile:
         Return the velocity to send so that the robot truly moves at a wanted velocity.
 
         The calibrations in this profile define the difference between the two velocities.
-
-        :param velocity: the wanted velocity on the floor
         """
         if self.odometry_calibration is not None:
             velocity = self.odometry_calibration.to_odometry(velocity)
@@ -151,8 +142,6 @@ class RobotProfile:
         Return the velocity at which the robot truly moves when a given velocity is sent.
 
         The calibrations in this profile define the difference between the two velocities.
-
-        :param command: the velocity that is sent
         """
         velocity = command if self.calibration is None else self.calibration.response(command)
         return velocity if self.odometry_calibration is None else (
@@ -235,7 +224,6 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
     The file is not written.  The other keys in the text do not change.  If the robot is given by
     name, the text is a new profile that extends the robot's profile.
 
-    :param robot: the name of a robot that comes with the package, or the path of a profile file
     :param calibration: the calibration to add; an earlier calibration of the same type is replaced
     :raises RobotFileError: if the profile cannot be read, or the calibration cannot be added
     """
@@ -264,12 +252,7 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
 
 
 def _without(key: str, lines: list[str]) -> list[str]:
-    """
-    Remove a key and the lines nested below it from a YAML text; return the other lines.
-
-    :param key: a key of the outermost mapping in the text
-    :param lines: all lines of the text
-    """
+    """Remove a key and the lines nested below it from a YAML text; return the other lines."""
     start = next((number for number, line in enumerate(lines)
                   if re.match(f'["\']?{key}["\']?\\s*:', line)), None)
     if start is None:
@@ -324,9 +307,6 @@ def _base(document: Document, data: dict[str, Any]) -> RobotProfile | None:
 
     If the file has no key ``extends``, the profile ``PLAIN`` is returned.  This profile has no
     values, so the file must have all required keys.  For each missing key, a problem is recorded.
-
-    :param document: the values of the file, where problems are recorded
-    :param data: the outermost mapping of the file
     """
     name = data.get('extends')
     if name is None:
@@ -351,11 +331,6 @@ def _part(
     Make an object, for example a ``Limits``, from a mapping in the file; return the object.
 
     If the mapping is null or invalid, return None.  If it is invalid, also record a problem.
-
-    :param document: the values of the file, where problems are recorded
-    :param key: the key of the mapping
-    :param quantities: the keys of the values with a unit, and the kind of quantity of each
-    :param make: the function that makes the object; its keyword arguments are the values
     """
     node = document.root.at([key])
     numbers = document.read_quantities([key], quantities)

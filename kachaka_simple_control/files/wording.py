@@ -35,12 +35,7 @@ _LINE_END = re.compile('\r\n|\r|\n')
 
 
 def step_advice(key: str, value: Any) -> str | None:
-    """
-    Return what to write for a step that is none, such as ``backward``; None if it is unknown.
-
-    :param key: the word
-    :param value: what stands after it
-    """
+    """Return what to write for a step such as ``backward``; None if it is unknown."""
     found = _STEPS.get(key.lower())
     if found is None:
         return None
@@ -55,12 +50,7 @@ def step_advice(key: str, value: Any) -> str | None:
 
 
 def wide_lines(text: str) -> Iterator[tuple[int, str]]:
-    """
-    Yield the lines whose keys, dashes or brackets are full-width.
-
-    :param text: the text of a file
-    :returns: the numbers of the lines, from 1, and what to write in each
-    """
+    """Yield the lines whose keys, dashes or brackets are full-width."""
     for number, line in enumerate(_LINE_END.split(text), 1):
         code = line.partition('#')[0]
         plain = narrowed(_COLON.sub(': ', code)).strip()

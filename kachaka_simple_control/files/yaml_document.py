@@ -59,7 +59,6 @@ def read_text(path: str | os.PathLike[str]) -> str:
     """
     Read a file in UTF-8, and return its text.
 
-    :param path: the path of the file
     :raises UnreadableFileError: if the file cannot be read, is larger than 1 MB, or is not in
         UTF-8
     """
@@ -75,7 +74,6 @@ def decode(data: bytes) -> str:
     """
     Decode the bytes of a file as UTF-8, and return the text.
 
-    :param data: the bytes
     :raises UnreadableFileError: if the bytes are not UTF-8, or are more than 1 MB
     """
     if len(data) > MAX_BYTES:
@@ -125,9 +123,7 @@ def read_document(text: str, schema: Schema) -> Document:
     """
     Read a YAML text, and check its values against a JSON Schema.
 
-    :param text: the text of a file
     :param schema: a JSON Schema, Draft 7
-    :returns: the values of the file, and the problems found in them
     :raises UnreadableFileError: if the text is empty, too long or not YAML, if PyYAML or
         jsonschema is not installed, or if there are too many problems
     """
@@ -199,7 +195,6 @@ def parse_yaml(text: str) -> Document:
     """
     Parse a YAML text, and return its values with their line numbers.
 
-    :param text: the text
     :returns: the values, and the problems found in single values
     :raises UnreadableFileError: if the text is empty, is not YAML, or has too many values, or if
         PyYAML is not installed
@@ -254,7 +249,6 @@ def _resolve(event: Any) -> tuple[Any, str | None]:
     """
     Return the value of a scalar, and the error message if the scalar is invalid.
 
-    :param event: the event of PyYAML's parser for the scalar
     :returns: two objects: the value, and None.  If the scalar is invalid, they are None and the
         error message
     """
@@ -272,8 +266,6 @@ def _decoration(event: Any) -> str | None:
     Return an error message if a value is an alias, or has an anchor or a tag; otherwise None.
 
     These features of YAML are not allowed in the files of this package.
-
-    :param event: the event of PyYAML's parser with which the value begins
     """
     anchor: str | None = getattr(event, 'anchor', None)
     tag: str | None = getattr(event, 'tag', None)
@@ -285,11 +277,7 @@ def _decoration(event: Any) -> str | None:
 
 
 class _YamlReader:
-    """
-    Builds the values of a YAML document, with line numbers, from the events of PyYAML's parser.
-
-    :param events: the events of the parser, such as a scalar or the start of a mapping
-    """
+    """Builds the values of a YAML document, with line numbers, from PyYAML's events."""
 
     def __init__(self, events: Iterator[Any]) -> None:
         self.problems: list[Problem] = []
@@ -315,11 +303,7 @@ class _YamlReader:
         return Document(root, self.problems)
 
     def _value(self, event: Any) -> Node:
-        """
-        Read a value and all values nested in it, and return the value.
-
-        :param event: the event of PyYAML's parser with which the value begins
-        """
+        """Read a value and all values nested in it, and return the value."""
         kind, line = _kind(event), _line(event)
         self._count_one(line)
         node = Node(line, {'MappingStart': {}, 'SequenceStart': []}.get(kind))
@@ -338,11 +322,7 @@ class _YamlReader:
         return node
 
     def _read_within(self, parent: Node) -> None:
-        """
-        Read all values in a mapping or a list, and store them in it.
-
-        :param parent: the mapping or the list; the event that starts it was already read
-        """
+        """Read all values in a mapping or a list, and store them in it."""
         for event in self._events:
             if _kind(event) in ('MappingEnd', 'SequenceEnd'):
                 return
@@ -360,11 +340,6 @@ class _YamlReader:
         Read a key and its value, and store them in a mapping.
 
         Nothing is stored if the mapping already has the key, or if ``is_decimals`` is true.
-
-        :param mapping: the mapping
-        :param event: the event of PyYAML's parser for the key
-        :param is_decimals: whether this is not a real key, but the part of a number after a
-            decimal comma, such as ``5 m`` in ``{forward: 0,5 m}``
         """
         line = _line(event)
         if _kind(event) != 'Scalar':
@@ -393,8 +368,6 @@ class _YamlReader:
 
         For YAML a comma ends a value, so the part ``5 m`` is a separate scalar.
 
-        :param event: the event of PyYAML's parser for a scalar that may be the part after the
-            comma
         :returns: whether the scalar is the part after a decimal comma
         """
         if self._last is None or event.style:

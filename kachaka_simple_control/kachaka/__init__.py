@@ -11,9 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Code for the mobile robot Kachaka, which is controlled over gRPC.
-
-The package has a bridge between the robot and ROS 2, a gRPC client for the real robot, and a
-simulated robot.
-"""
+"""The mobile robot Kachaka: a bridge to ROS 2, a gRPC client, and a simulated robot."""

@@ -12,10 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The command ``kachaka_bridge``, which connects a Kachaka robot to ROS 2.
+The command ``kachaka_bridge``, which connects a real or simulated Kachaka to ROS 2.
 
-The robot is real or simulated.  The topics and the service have the same names as those of the
-manufacturer's own ROS 2 bridge.
+Topics and service have the names of the manufacturer's own bridge.
 """
 
 from __future__ import annotations
@@ -61,10 +60,9 @@ PROGRAM = 'kachaka_bridge'
 
 class _Fault:
     """
-    Ends the bridge program after a fault, and stores a text that describes the fault.
+    Ends the bridge after a fault: an aborted motion, or another bridge with the same names.
 
-    A fault is an aborted motion of a real robot, or another bridge with the same ROS names.  The
-    attribute ``text`` describes the first fault.  It is empty if no fault has occurred.
+    ``text`` describes the first fault; empty without one.
     """
 
     def __init__(self, shutdown: ShutdownEvent) -> None:
@@ -80,12 +78,7 @@ class _Fault:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the bridge between the robot and ROS 2 until a signal or a fault ends it.
-
-    :param args: the command line arguments without the program's name; default: ``sys.argv[1:]``
-    :returns: the exit code of the program
-    """
+    """Run the bridge until a signal or a fault ends it."""
     make_log_nonblocking()
     return run_until_shutdown(
         PROGRAM, lambda shutdown: _run([*(sys.argv[1:] if args is None else args)], shutdown))
@@ -125,12 +118,7 @@ def _run(args: list[str], shutdown: ShutdownEvent) -> None:
 
 
 def _advice(options: argparse.Namespace) -> str:
-    """
-    Return what a user can do if another bridge already uses the same ROS names.
-
-    :param options: the parsed command line options of this bridge
-    :returns: the advice, as the last part of the error message
-    """
+    """Return what a user can do if another bridge already uses the same ROS names."""
     if not options.with_parent:
         return 'stop it, or choose another --namespace'
     mine = '--address' if options.address else '--sim (in a script, sim=True)'
@@ -141,17 +129,8 @@ def _bridge(
         options: argparse.Namespace, parameters: SimulationParameters,
         fault: _Fault) -> Callable[..., BridgeNode]:
     """
-    Return a function that creates the ROS node of the bridge.
+    Return a function that creates the ROS node of the bridge; a real robot is connected before.
 
-    If the options have the address of a real robot, the connection to this robot is opened before
-    the function is returned.
-
-    :param options: the parsed command line options
-    :param parameters: the parameters of the simulated robot; not used for a real robot
-    :param fault: the object that ends the program after a fault.  With the option ``--give-up``,
-        an aborted motion of a real robot is such a fault
-    :returns: the function, which takes the keyword arguments ``namespace``, ``frame_prefix`` and
-        ``on_conflict``
     :raises ExitError: if the SDK of the real robot is not installed
     :raises RobotNotFoundError: if the real robot does not respond
     """
@@ -209,15 +188,7 @@ def _serve(node: BridgeNode, shutdown: ShutdownEvent, with_parent: bool) -> None
 
 @contextlib.contextmanager
 def _spinning(executor: ExecutorLoop, shutdown: ShutdownEvent) -> Iterator[None]:
-    """
-    Run an executor of ROS callbacks in a new thread during a ``with`` block.
-
-    :param executor: the executor; it is stopped at the end of the block
-    :param shutdown: the event that ends the program; it is set when the executor ends for any
-        reason
-    :raises Exception: if the executor raised an exception; the same exception is raised again at
-        the end of the block
-    """
+    """Run an executor in a thread during a ``with`` block; raise what it raised at its end."""
     with ThreadPoolExecutor(max_workers=1) as threads:
         spinning = threads.submit(executor.run)
         spinning.add_done_callback(lambda _: shutdown.end())

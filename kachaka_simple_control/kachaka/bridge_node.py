@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-ROS 2 nodes that connect a Kachaka robot to ROS 2.
-
-The module has the base class of all these nodes, and the node for a simulated robot.
-"""
+"""The base class of the nodes that connect a Kachaka to ROS 2, and that of a simulated one."""
 
 from __future__ import annotations
 
@@ -60,12 +56,7 @@ SIMULATED_CHARGE = 1.0
 
 
 def pose_text(pose: Pose, source: str) -> str:
-    """
-    Return the pose of a robot as a text for the log.
-
-    :param pose: the pose
-    :param source: a few words that say how the pose is known
-    """
+    """Return the pose of a robot as a text for the log."""
     # Add 0.0 to print -0 as 0.
     return (f'pose: {round(pose.x, 4) + 0.0:.4f} m, {round(pose.y, 4) + 0.0:.4f} m, '
             f'{round(math.degrees(pose.theta), 2) + 0.0:.2f} deg (x, y, heading, {source})')
@@ -75,18 +66,12 @@ class BridgeNode(Node):
     """
     The base class of the nodes that connect a Kachaka robot to ROS 2.
 
-    The node has the same topics, service and QoS as the manufacturer's own ROS 2 bridge.  It
-    receives velocities and publishes odometry.  Its service switches manual control, the mode in
-    which the robot follows velocities.  There is one subclass for the real robot, and one for a
-    simulated robot.
+    It has the topics, service and QoS of the manufacturer's own bridge.
 
-    :param namespace: the ROS namespace of the topics and the service
-    :param on_conflict: a function that is called if a second bridge with the same topic names
-        appears after this node was created; its argument is a text that describes the second
-        bridge
+    :param on_conflict: called with a text about a second bridge with the same topics, if one
+        appears
     :raises RobotTakenError: if another bridge already uses the same topic names
-    :raises UsageError: if a name is invalid, or if two topics or two services of the node have the
-        same name after remapping
+    :raises UsageError: if a name is invalid, or two topics or services have the same name
     """
 
     def __init__(
@@ -120,21 +105,14 @@ class BridgeNode(Node):
             f'odometry on {self._odometry[0].topic_name}')
 
     def executors(self) -> list[ExecutorLoop]:
-        """
-        Return the executors, which run the node's callbacks.
-
-        The caller must run each executor in a thread of its own.
-        """
+        """Return the executors of the node's callbacks; each needs a thread of its own."""
         return [NodeExecutor(self)]
 
     def on_velocity(self, twist: Twist) -> None:
         """
-        Send the velocity of a received message to the robot.
+        Send the velocity of a message to the robot, which drives at its limit at most.
 
-        A warning is logged if the velocity is above the robot's limits.  The robot then drives at
-        its limit.
-
-        :param twist: the message; only its ``linear.x`` [m/s] and ``angular.z`` [rad/s] are used
+        A warning is logged if they are above it.
         """
         velocity = conversions.velocity(twist)
         cut = [(value, math.copysign(largest, value), unit) for value, largest, unit in (
@@ -153,31 +131,15 @@ class BridgeNode(Node):
         """Disconnect from the robot; the caller must call this before ``destroy_node()``."""
 
     def drive(self, velocity: Velocity, now: float) -> None:
-        """
-        Send a velocity to the robot; each subclass must implement this method.
-
-        :param velocity: the velocity; if it is infinite or NaN, the robot must not follow it
-        :param now: the time at which the velocity was received [s, steady clock]
-        """
+        """Send a velocity to the robot, which must not follow it if it is infinite or NaN."""
         raise NotImplementedError
 
     def set_manual_control(self, enabled: bool) -> str:
-        """
-        Switch manual control on or off; each subclass must implement this method.
-
-        Manual control is the mode in which the robot follows velocities.
-
-        :param enabled: true to switch manual control on, false to switch it off
-        :returns: an empty text for success; else the reason for the failure
-        """
+        """Switch manual control on or off; return why it failed, or an empty text."""
         raise NotImplementedError
 
     def publish_battery(self, charge: float) -> None:
-        """
-        Publish the charge of the battery.
-
-        :param charge: the charge, from 0 to 1
-        """
+        """Publish the charge of the battery, from 0 to 1."""
         self._battery.publish(Float64(data=100.0 * charge))
 
     def _take_claim(self) -> None:
@@ -202,19 +164,12 @@ class SimulatedBridge(BridgeNode):
     """
     The node that connects a simulated robot to ROS 2.
 
-    The node behaves like the manufacturer's own ROS 2 bridge of a real robot.  The robot follows
-    velocities only while its manual control is on.  If any velocity, even zero, is received while
-    manual control is off, the node switches manual control on, but the robot does not follow this
-    velocity.  The simulated robot clips velocities to its limits.  It stops if it receives no new
-    velocity for 0.3 s.  The node logs the robot's pose when manual control is switched off.  If
-    nobody switches it off, ``close()`` logs the pose.
+    It behaves like the manufacturer's bridge: a velocity, even zero, that comes while manual
+    control is off switches it on, and is not followed.  The pose is logged when manual control is
+    switched off, at the latest by ``close()``.
 
-    :param robot: the simulated robot
-    :param namespace: the ROS namespace of the topics and the service
     :param frame_prefix: a text before the frame names in odometry; no separator is added
-    :param on_conflict: a function that is called if a second bridge with the same topic names
-        appears after this node was created; its argument is a text that describes the second
-        bridge
+    :param on_conflict: as for ``BridgeNode``
     :raises RobotTakenError: if another bridge already uses the same topic names
     """
 
@@ -234,16 +189,7 @@ class SimulatedBridge(BridgeNode):
             ODOMETRY_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def drive(self, velocity: Velocity, now: float) -> None:
-        """
-        Send a velocity to the simulated robot.
-
-        The robot follows velocities only while its manual control is on.  If manual control is
-        off, this method switches it on, but the robot does not follow this velocity.
-
-        :param velocity: the velocity; if it is infinite or NaN, the robot refuses it and a warning
-            is logged
-        :param now: the time at which the velocity was received [s, steady clock]
-        """
+        """Send a velocity to the simulated robot; without manual control, only switch that on."""
         code = self._robot.set_robot_velocity(
             velocity.linear_x / KACHAKA.limits.max_linear_velocity,
             velocity.angular_z / KACHAKA.limits.max_angular_velocity, now)
@@ -255,23 +201,12 @@ class SimulatedBridge(BridgeNode):
                 f'{velocity.angular_z:.4g} rad/s', throttle_duration_sec=1.0)
 
     def close(self) -> None:
-        """
-        Log the robot's pose if manual control was switched on and no pose was logged since then.
-
-        The caller must call this method before ``destroy_node()``.
-        """
+        """Log the robot's pose if that is due; call this before ``destroy_node()``."""
         if not self._is_place_logged:
             self._log_place(time.monotonic())
 
     def set_manual_control(self, enabled: bool) -> str:
-        """
-        Switch manual control on or off.
-
-        Manual control is the mode in which the robot follows velocities.
-
-        :param enabled: true to switch manual control on, false to switch it off
-        :returns: an empty text for success; else the robot's error code as text
-        """
+        """Switch manual control on or off; return the robot's error code, or an empty text."""
         now = time.monotonic()
         # Log only changes, because clients repeat their request to renew manual control.
         is_change = self._robot.manual_control(now) != enabled

@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Run the program ``kachaka_bridge`` as a child process of a script or a ROS node.
-
-This program connects a real or a simulated Kachaka robot to ROS 2.
-"""
+"""Run the program ``kachaka_bridge`` as a child process of a script or a ROS node."""
 
 from __future__ import annotations
 
@@ -53,18 +49,13 @@ def simulated_bridge(
         namespace: str = KACHAKA.namespace,
         options: Sequence[str] = ()) -> Iterator[BridgeProcess]:
     """
-    Run a simulated Kachaka robot with ROS 2 topics in a child process, during a ``with`` block.
+    Run a simulated Kachaka with ROS 2 topics in a child process, during a ``with`` block.
 
-    The block starts before the robot is ready, so the code in the block has to wait for the robot.
-    After the block, the process is always ended.
+    The block starts before the robot is ready, so its code has to wait for the robot.
 
-    :param namespace: the ROS namespace of the robot's topics and service
-    :param options: additional command line options for ``kachaka_bridge``, the program that the
-        child process runs
-    :returns: a context manager, which gives the block a ``BridgeProcess``
     :raises RobotNotFoundError: if another bridge already uses the same ROS names
-    :raises ControlError: if the process ends before the block ends; an error that the block has
-        raised is then the ``__cause__`` of the ``ControlError``
+    :raises ControlError: if the process ends before the block; its ``__cause__`` is an error of
+        the block
     """
     with _running(BridgeProcess(['--sim', '--namespace', namespace, *options])) as process:
         yield process
@@ -75,19 +66,12 @@ def real_bridge(address: str, namespace: str = KACHAKA.namespace) -> Iterator[Br
     """
     Connect a real robot to ROS 2 in a child process, during a ``with`` block.
 
-    The block starts when the robot has responded.  After the block, the process is always ended.
-    The process ends before the end of the block in two cases: the robot refuses to move, or the
-    gRPC connection is lost during a motion.  A motion that the code in the block has started then
-    ends, too.
+    The block starts when the robot has responded.  The process ends early if the robot refuses to
+    move, or the connection is lost during a motion; a motion of the block then ends, too.
 
-    :param address: the network address of the robot, HOST or HOST:PORT
-    :param namespace: the ROS namespace of the robot's topics and service
-    :returns: a context manager, which gives the block a ``BridgeProcess``
-    :raises RobotNotFoundError: if no robot responds, or if another bridge already uses the same
-        ROS names
-    :raises ControlError: if the bridge is not ready within 20 s, or if the process ends before the
-        block ends; an error that the block has raised is then the ``__cause__`` of the
-        ``ControlError``
+    :raises RobotNotFoundError: if no robot responds, or another bridge uses the same ROS names
+    :raises ControlError: if the bridge is not ready within 20 s, or ends before the block; its
+        ``__cause__`` is an error of the block
     """
     with _running(BridgeProcess(
             ['--address', address, '--give-up', '--namespace', namespace],
@@ -111,15 +95,10 @@ def _running(process: BridgeProcess) -> Iterator[BridgeProcess]:
 
 class BridgeProcess:
     """
-    A child process that runs ``kachaka_bridge``, which connects a robot to ROS 2.
+    A child process that runs ``kachaka_bridge``.
 
-    The child process runs in its own POSIX session, so Ctrl+C in the terminal does not end it.
-    After Ctrl+C, the parent process can therefore stop the robot first, and then end the child.
-    The standard input of the child is a pipe from the parent.  If the parent ends, even by
-    SIGKILL, the pipe closes and the child ends, too.
-
-    :param options: the command line options of the child process
-    :param name: the name of the child process in error messages
+    It has its own POSIX session, so Ctrl+C does not end it before the parent has stopped the
+    robot. Its standard input is a pipe: it ends with the parent, even by SIGKILL.
     """
 
     def __init__(self, options: Sequence[str], name: str = 'the simulated robot') -> None:
@@ -151,12 +130,9 @@ class BridgeProcess:
     @property
     def failure(self) -> ControlError:
         """
-        Return the error that says why the child process has ended.
+        Return the error that says why the child process has ended; always the same object.
 
-        Use this only after the process has ended.  All calls return the same object.
-
-        :returns: a ``RobotNotFoundError`` if no robot was found, or if another bridge already uses
-            the same ROS names; else a ``ControlError``
+        :returns: a ``RobotNotFoundError`` if no robot was found or another bridge uses its names
         """
         if self._failure is None:
             # The last line of the process may not be read yet.
@@ -169,20 +145,14 @@ class BridgeProcess:
         return self._failure
 
     def check(self) -> None:
-        """
-        Raise an error if the child process has ended.
-
-        :raises ControlError: if the child process has ended; the message has its last line of
-            output
-        """
+        """Raise an error, with its last line of output, if the child process has ended."""
         if self.is_over:
             raise self.failure
 
     def require_participant(self) -> bytes | None:
         """
-        Return the identifier of the DDS participant of the child process.
+        Return the DDS participant of the child process; None if it has not printed it yet.
 
-        :returns: the identifier, or None if the child process has not printed it yet
         :raises ControlError: if the child process has ended
         """
         self.check()
@@ -201,11 +171,7 @@ class BridgeProcess:
                 raise ControlError(f'{self._name} is not ready after {START_TIMEOUT:g} s')
 
     def end(self) -> None:
-        """
-        End the child process: send SIGTERM, and send SIGKILL if it still runs after 2 s.
-
-        If the child process has already ended, no signal is sent.
-        """
+        """End the child process, if it runs: SIGTERM, and SIGKILL after 2 s."""
         try:
             self._process.terminate()
             self._process.wait(EXIT_TIMEOUT)
@@ -237,14 +203,10 @@ class BridgeProcess:
 
 class OwnSimulation:
     """
-    A simulated Kachaka robot that a ROS node starts for itself, in a child process.
+    A simulated Kachaka that a node starts for itself; at its end, a table of motions is printed.
 
-    When the node ends the simulated robot, a table of the driven motions is printed.
-
-    :param profile: the profile of the robot that the node drives; the robot must be a Kachaka
-    :param namespace: the ROS namespace of the robot
-    :raises UsageError: if the robot is not a Kachaka, or if an earlier node of the same process
-        still runs a simulated robot in this namespace
+    :param profile: that of the robot that the node drives; it must be a Kachaka
+    :raises UsageError: if it is not, or an earlier node of this process has one in this namespace
     """
 
     #: the namespaces of all simulated robots that nodes of this process run now
@@ -265,15 +227,12 @@ class OwnSimulation:
 
     def end(self, drive_log: DriveLog, stop_confirmed_after: float | None) -> None:
         """
-        End the simulated robot, and print a table of the driven motions.
+        End the simulated robot, and print a table of the driven motions, if any; only once.
 
-        For each motion, the table has three values of the distance or the angle: the requested
-        value, the value computed from the sent velocities, and the value in odometry.  If
-        there was no motion, no table is printed.  A second call has no effect.
+        It has requested, sent and reported distance or angle of each.
 
-        :param drive_log: the record of the drive, from which the table is made
-        :param stop_confirmed_after: the time from the start of the last stop until odometry showed
-            a standstill [s]; None if odometry did not show it
+        :param stop_confirmed_after: from the start of the last stop to standstill by odometry [s];
+            None if odometry did not show it
         :raises RunFaultError: if the table cannot be printed, such as to a full disk
         """
         bridge, self._bridge = self._bridge, None

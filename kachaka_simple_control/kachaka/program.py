@@ -11,12 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Code that the command line programs for a Kachaka robot share.
-
-It parses the address of a robot and the options of a simulated robot, and converts errors to exit
-codes.
-"""
+"""What the commands for a Kachaka share: addresses, options of a simulated robot, exit codes."""
 
 from __future__ import annotations
 
@@ -49,12 +44,7 @@ SIMULATION_NAMES = ('docked', 'seed', *(figure.name for figure in fields(Simulat
 
 @dataclass(frozen=True)
 class Address:
-    """
-    The network address of a robot's gRPC service.
-
-    :param host: the host name or IP address
-    :param port: the TCP port
-    """
+    """The network address of a robot's gRPC service."""
 
     host: str
     port: int = PORT
@@ -64,9 +54,7 @@ class Address:
         """
         Convert a text to the network address of a robot.
 
-        :param text: ``HOST`` or ``HOST:PORT``; an IPv6 address must be in brackets if a port
-            follows
-        :returns: the address
+        :param text: ``HOST`` or ``HOST:PORT``; an IPv6 address in brackets if a port follows
         :raises ValueError: if the text is not a valid address; the error message has one line
         """
         host, port = _split_address(text.strip())
@@ -101,12 +89,8 @@ def _split_address(text: str) -> tuple[str, str]:
 
 def address_argument(text: str) -> Address:
     """
-    Convert a command line argument to the network address of a robot.
+    Convert an argument to the address of a robot, as argparse wants a type.
 
-    argparse calls this function as the type of an option.
-
-    :param text: the argument, ``HOST`` or ``HOST:PORT``
-    :returns: the address
     :raises argparse.ArgumentTypeError: if the argument is not a valid address
     """
     try:
@@ -117,9 +101,7 @@ def address_argument(text: str) -> Address:
 
 def number_argument(unit: str = '') -> Callable[[str], float]:
     """
-    Return a function that converts a command line argument to a number.
-
-    argparse calls this function as the type of an option.
+    Return a function that converts an argument to a number, as argparse wants a type.
 
     :param unit: the unit that the user may write after the number; empty for a ratio
     """
@@ -137,14 +119,7 @@ def option_of(name: str) -> str:
 
 
 def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> None:
-    """
-    Add the command line options of a simulated robot to an argparse parser.
-
-    After parsing, an option that the user has not given has the value None.
-
-    :param parser: the parser, or an argument group of a parser
-    :param robot: the name of the robot in the help text, for example ``the robot``
-    """
+    """Add the options of a simulated robot to a parser; None where the user gives none."""
     add = parser.add_argument
     add('--docked', action='store_true', default=None,
         help=f'{robot} starts on its charging dock')
@@ -157,25 +132,13 @@ def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> No
 
 
 def add_parent_option(parser: argparse.ArgumentParser) -> None:
-    """
-    Add the option ``--with-parent`` to an argparse parser.
-
-    A program with this option ends when its standard input closes, which happens when its parent
-    process has ended.
-    """
+    """Add the option ``--with-parent``: end with standard input, so with the parent."""
     parser.add_argument(
         '--with-parent', action='store_true', help='end when standard input does')
 
 
 def simulation_words(options: Mapping[str, object]) -> tuple[str, ...]:
-    """
-    Convert the parsed options of a simulated robot back to command line arguments.
-
-    An option with the value None is left out, because the user has not given it.
-
-    :param options: the values of the parsed options, by name
-    :returns: the arguments, for example ``--docked`` and ``--lag=0.1``
-    """
+    """Convert the parsed options of a simulated robot back to arguments; None is left out."""
     return tuple(
         option_of(name) + ('' if options[name] is True else f'={options[name]}')
         for name in SIMULATION_NAMES if options[name] is not None)
@@ -184,13 +147,9 @@ def simulation_words(options: Mapping[str, object]) -> tuple[str, ...]:
 def simulation_parameters(
         parser: argparse.ArgumentParser, options: argparse.Namespace) -> SimulationParameters:
     """
-    Return the parameters of the simulated robot from the parsed command line options.
+    Return the parameters of the simulated robot from the parsed options.
 
-    An option that the user has not given has its default value.  If a value is invalid, print an
-    error message and end the program, as argparse does.
-
-    :param parser: the argparse parser, which ends the program in case of an error
-    :param options: the options that this parser has returned
+    The parser ends the program, with a message, if one is invalid.
     """
     try:
         return SimulationParameters(
@@ -201,24 +160,14 @@ def simulation_parameters(
 
 
 def listen_problem(error: OSError | UnicodeError, option: str) -> str:
-    """
-    Return why a program cannot listen at a port, and what to do if the port is the reason.
-
-    :param error: the error
-    :param option: the option for the port
-    """
+    """Return why a program cannot listen at a port, and what to do if the port is the reason."""
     reason = getattr(error, 'strerror', None) or str(error)
     is_port = getattr(error, 'errno', None) in (errno.EADDRINUSE, errno.EACCES)
     return f'{reason}; choose another {option}' if is_port else reason
 
 
 class ExitError(Exception):
-    """
-    An exception that ends the program with an exit code and an error message.
-
-    :param code: the exit code
-    :param text: the error message for the user
-    """
+    """An exception that ends the program with an exit code and an error message."""
 
     def __init__(self, code: int, text: object) -> None:
         super().__init__(str(text))
@@ -227,15 +176,9 @@ class ExitError(Exception):
 
 def run_until_shutdown(program: str, body: Callable[[ShutdownEvent], None]) -> int:
     """
-    Run the main function of a program, and return the exit code.
+    Run the main function of a program, and return the exit code, also of an ``ExitError``.
 
-    Signals such as SIGINT and SIGTERM do not interrupt the main function.  They only set an event,
-    for which the main function must wait.  If the main function raises an ``ExitError``, its
-    message is printed in one line on standard error.
-
-    :param program: the name of the program, which starts the error message
-    :param body: the main function; its argument is the event
-    :returns: the exit code: 0, or the code of the ``ExitError``
+    Signals only set the event that the main function gets and must wait for.
     """
     with ShutdownEvent() as shutdown:
         try:

@@ -11,12 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Error codes of a Kachaka robot, results of gRPC calls to it, and its diagnostics.
-
-The module also finds out from the results of the calls whether the connection to the robot is
-lost.
-"""
+"""Error codes of a Kachaka, results of gRPC calls, state of the connection, diagnostics."""
 
 from __future__ import annotations
 
@@ -67,15 +62,7 @@ LEVELS = {'Ignore': Level.OK, 'Warn': Level.WARN}
 
 @dataclass(frozen=True)
 class ErrorText:
-    """
-    The name, the explanation and the severity of one error code of the robot.
-
-    For an unknown error code, the title and the description are empty.
-
-    :param title: the name of the error
-    :param description: the explanation of the error
-    :param level: the severity: OK, warning or error
-    """
+    """Name, explanation and severity of an error code; empty texts for an unknown one."""
 
     title: str
     description: str = ''
@@ -86,10 +73,7 @@ class ErrorTexts:
     """
     The names and explanations of the robot's error codes.
 
-    If the JSON is invalid, no error is raised, but there are no names and explanations.
-
-    :param text: a JSON list with one object for each error code, from the response to the gRPC
-        call GetRobotErrorCodeJson
+    :param text: the JSON list of GetRobotErrorCodeJson; there are none if it is invalid
     """
 
     def __init__(self, text: str = '') -> None:
@@ -97,12 +81,7 @@ class ErrorTexts:
         self._texts = dict(_entries(text))
 
     def find(self, code: int) -> ErrorText:
-        """
-        Return the name, explanation and severity of an error code.
-
-        :param code: the error code
-        :returns: an ``ErrorText``; its title and its description are empty if the code is unknown
-        """
+        """Return the texts of an error code, which are empty if it is unknown."""
         return self._texts.get(code, ErrorText(''))
 
     def describe(self, code: int) -> str:
@@ -125,14 +104,7 @@ def _entries(text: str) -> Iterator[tuple[int, ErrorText]]:
 
 
 def _one_line(entry: dict[str, Any], key: str) -> str:
-    """
-    Return a text of a JSON object as one line, and prefer the English text.
-
-    :param entry: the JSON object
-    :param key: the key of the text, for example ``title``; the English text has the key
-        ``title_en``
-    :returns: the text without the full stop at its end; empty if the object has neither text
-    """
+    """Return a text of a JSON object as one line without full stop, English if it can."""
     value = entry.get(f'{key}_en') or entry.get(key) or ''
     return escaped(' '.join(str(value).split()).rstrip('.'))
 
@@ -143,12 +115,7 @@ SLOW_RESPONSE = 0.15
 
 
 class RpcFailure(Enum):
-    """
-    The reasons why a gRPC call to the robot has no usable response.
-
-    There are three: the robot did not respond in time, there is no connection, or the robot
-    responded that it does not know the call or cannot execute it.
-    """
+    """Why a gRPC call has no usable response: too late, no connection, or not executed."""
 
     #: no response before the deadline; the robot may still execute the call
     LATE = 'late'
@@ -161,13 +128,11 @@ class RpcFailure(Enum):
 @dataclass(frozen=True)
 class RpcResult:
     """
-    The result of one gRPC call to the robot.
-
-    The result has either the code in the robot's response, or the reason why there is no code.
+    The result of one gRPC call: the code in the response, or why there is none.
 
     :param code: 0 for success, else the robot's error code; None if the call failed
-    :param failure: the reason why the call failed; None if there is a code
-    :param text: the reason for the failure, as text for the user; empty if there is a code
+    :param failure: why the call failed; None if there is a code
+    :param text: the reason as text for the user; empty if there is a code
     """
 
     code: int | None = None
@@ -186,12 +151,7 @@ class RpcResult:
 
 
 class ConnectionEvent(Enum):
-    """
-    A change of the connection to the robot.
-
-    ``FOUND`` is the first connection, ``LOST`` is the loss of the connection, and ``BACK`` is a
-    connection after a loss.
-    """
+    """A change of the connection to the robot: the first one, its loss, or one after a loss."""
 
     FOUND = 'found'
     LOST = 'lost'
@@ -214,16 +174,10 @@ class ConnectionState:
 
     def on_result(self, result: RpcResult, begun: float, now: float) -> ConnectionEvent | None:
         """
-        Detect from the result of a gRPC call whether the connection to the robot has changed.
+        Learn from a gRPC call, begun at a time, whether the connection has changed; None if not.
 
-        Any response of the robot means that the connection is up.  The connection is lost if a
-        call finds no connection, or if calls get no response for 1 s.
-
-        :param result: the result of the call
-        :param begun: the start time of the call [s, steady clock]
-        :param now: the current time [s, steady clock]
-        :returns: the change: the first connection, the loss of the connection, or a connection
-            after a loss; None if there was no change
+        Any response means that it is up.  It is lost if a call finds no connection, or if calls
+        get no response for 1 s.
         """
         if result.got_response:
             self._failing_since, self._last_response = None, now
@@ -246,17 +200,10 @@ def connection_status(
         connection: ConnectionState, address: str, round_trip: float, dropped: int,
         now: float) -> Diagnosis:
     """
-    Return a diagnosis of the connection to the robot, for ROS diagnostics.
+    Return a diagnosis of the connection: an error if it is lost, a warning if a call is slow.
 
-    Its level is an error if the connection is lost.  It is a warning if the last gRPC call that
-    sent a velocity took more than 0.15 s.
-
-    :param connection: the state of the connection: whether it is lost, since when and why
-    :param address: the network address of the robot
-    :param round_trip: the duration of the last gRPC call that sent a velocity [s]; NaN if there
-        was none
-    :param dropped: the number of velocities that were dropped before they were sent
-    :param now: the current time [s, steady clock]
+    :param round_trip: the duration of the last call that sent a velocity [s]; NaN if there was
+        none; slow is above 0.15 s
     """
     values = {'address': address, 'times lost': str(connection.losses),
               'velocities dropped': str(dropped)}
@@ -273,14 +220,7 @@ def connection_status(
 
 def robot_status(
         connection: ConnectionState, codes: Sequence[int], texts: ErrorTexts) -> Diagnosis:
-    """
-    Return a diagnosis of the errors that the robot reports, for ROS diagnostics.
-
-    :param connection: the state of the connection to the robot; if the connection is lost, the
-        diagnosis says that the errors are unknown
-    :param codes: the codes of the errors that the robot reports now
-    :param texts: the names and explanations of the error codes
-    """
+    """Return a diagnosis of the errors that the robot reports; unknown without a connection."""
     if not connection.is_up:
         return Diagnosis(Level.ERROR, 'unknown: the link is lost', {})
     if not codes:

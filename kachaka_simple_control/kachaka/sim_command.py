@@ -47,12 +47,9 @@ POWER_BUTTON_SIGNAL = signal.SIGUSR1
 @contextlib.contextmanager
 def power_button(press: Callable[[], None]) -> Iterator[None]:
     """
-    Call a function each time that the process receives SIGUSR1, during a ``with`` block.
+    Call a function at each SIGUSR1, the simulated robot's power button, during a ``with`` block.
 
-    A user sends this signal to press the power button of the simulated robot.  The caller must
-    block the signal in all threads, because a separate thread receives it with ``sigwait()``.
-
-    :param press: the function, which has no arguments; the separate thread calls it
+    The caller must block the signal in all threads: one of its own waits for it.
     """
     is_over = threading.Event()
 
@@ -72,12 +69,7 @@ def power_button(press: Callable[[], None]) -> Iterator[None]:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run a simulated robot with a gRPC server until a signal ends the program.
-
-    :param args: the command line arguments without the program's name; default: ``sys.argv[1:]``
-    :returns: the exit code of the program
-    """
+    """Run a simulated robot with a gRPC server until a signal ends the program."""
     # Block the signal before the first thread starts, so that all threads block it.  Do not set a
     # handler for it, because ShutdownEvent ends the program at each handled signal.
     signal.pthread_sigmask(signal.SIG_BLOCK, {POWER_BUTTON_SIGNAL})

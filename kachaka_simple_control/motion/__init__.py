@@ -11,10 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Immutable classes for motions and plans, and functions without side effects.
-
-A motion is a sequence of steps, such as a straight line or a turn.  A plan is the sequence of
-velocities that drive a motion, each with its start time and end time.  The modules in this folder
-use no ROS, files, clocks or logging.
-"""
+"""Immutable classes for motions and plans, without ROS, files, clocks or logging."""

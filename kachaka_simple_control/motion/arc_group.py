@@ -64,7 +64,6 @@ class ArcGroup:
     """
     Arcs of the same curvature in succession, which are one arc on one circle.
 
-    :param arcs: the arcs, which no longer change when a property was read
     :param offset: by how much the radius is smaller [m]
     """
 
@@ -102,8 +101,6 @@ class ArcGroup:
         """
         Return the limits along an arc on the smaller circle.
 
-        :param arc: the arc
-        :param limits: the limits of the robot
         :param crosses: whether the angular velocity changes its sign in a transition of the arc
         """
         along = limits_along(self.segment(arc), limits)
@@ -118,14 +115,11 @@ class ArcGroup:
 
 def circle_of(group: ArcGroup, is_anchored: bool, side: float) -> Circle:
     """
-    Return a smaller circle, seen from a transition.
+    Return a smaller circle, seen from a transition, by formula (26) of docs/theory.md.
 
-    See formula (26) of docs/theory.md.
-
-    :param group: the arcs on the circle
-    :param is_anchored: whether the robot is at rest at the other end of the arcs, so that the
-        circle touches the path there; otherwise the circle keeps its centre
-    :param side: 1 if the circle is after the transition, -1 if it is before the transition
+    :param is_anchored: whether the robot is at rest at the other end, where the circle touches the
+        path; else it keeps its centre
+    :param side: 1 if the circle is after the transition, -1 if it is before
     """
     if not is_anchored:
         return Circle(group.curvature, 0.0, group.sign * group.radius)

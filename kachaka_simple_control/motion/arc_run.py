@@ -64,7 +64,6 @@ class RunEnd(NamedTuple):
     The straight leg at an end of a run.
 
     :param room: the length of the leg that the transition may replace [m]
-    :param leg: the leg
     :param speed: the linear velocity at its other end [m/s]
     """
 
@@ -77,11 +76,8 @@ class ArcRun(NamedTuple):
     """
     Arcs that follow each other in a flow, with the legs before and after them.
 
-    :param arcs: the arcs
     :param before: the leg before the first arc; None if the robot is at rest there
     :param after: the leg after the last arc; None if the robot is at rest there
-    :param limits: the limits of the robot
-    :param rate: the rate of the plan [Hz]
     """
 
     arcs: tuple[RunArc, ...]
@@ -100,7 +96,6 @@ class RunPlan(NamedTuple):
     """
     The plan of a run of arcs.
 
-    :param legs: each arc on its smaller circle, in its whole length
     :param transitions: the transition before each arc, and the one after the last arc; None for a
         stop, and where an arc goes on with the same curvature
     """
@@ -110,24 +105,13 @@ class RunPlan(NamedTuple):
 
 
 def plan_run(run: ArcRun) -> RunPlan:
-    """
-    Return the fastest plan of a run of arcs, within the tolerances.
-
-    :param run: the run
-    """
+    """Return the fastest plan of a run of arcs, within the tolerances."""
     return _Solver(run).fastest()
 
 
 @dataclass
 class _Pass:
-    """
-    The speed at which the robot passes a transition of a run, to find the time of the run.
-
-    :param speed: the linear velocity [m/s]
-    :param before: how much of the leg before it is replaced [m]
-    :param after: how much of the leg after it is replaced [m]
-    :param length: the length of the transition [m]
-    """
+    """The speed at which the robot passes a transition of a run, to find the time of the run."""
 
     speed: float
     before: float = 0.0
@@ -144,14 +128,7 @@ class _Pass:
 
 
 class _Candidate(NamedTuple):
-    """
-    A possible plan of a run.
-
-    :param stops: at which junctions the robot stops
-    :param offsets: by how much each radius is smaller [m]
-    :param time: how long the run takes [s], about
-    :param is_slowed: whether a transition is slower than it could be, because a leg is short
-    """
+    """A possible plan of a run."""
 
     stops: tuple[bool, ...]
     offsets: tuple[float, ...]
@@ -161,11 +138,7 @@ class _Candidate(NamedTuple):
 
 @dataclass
 class _Solver:
-    """
-    The search for the plan of a run.
-
-    :param run: the run
-    """
+    """The search for the plan of a run."""
 
     run: ArcRun
     groups: list[ArcGroup] = field(init=False)
@@ -205,12 +178,7 @@ class _Solver:
         return self._exact(chosen)
 
     def _fastest_with(self, stops: Sequence[bool], best: _Candidate) -> _Candidate:
-        """
-        Return the fastest candidate with some stops, or another one if that is faster.
-
-        :param stops: at which junctions the robot stops at least
-        :param best: the other candidate
-        """
+        """Return the fastest candidate with some stops, or another one if that is faster."""
         if all(stops):
             return best
         scale, least = 1.0, math.inf
@@ -252,13 +220,7 @@ class _Solver:
     def _transitions(
             self, stops: Sequence[bool],
             scale: float) -> tuple[list[Transition | None], list[bool]]:
-        """
-        Return the transitions for offsets that are a part of the allowed ones, if they have room.
-
-        :param stops: at which junctions the robot stops at least
-        :param scale: the part of the allowed offsets
-        :returns: the transitions, and at which junctions the robot stops
-        """
+        """Return the transitions for a part of the allowed offsets, if they have room."""
         ends = list(stops)
         while True:
             allowed = [self._allowed(index, ends) for index in range(len(self.groups))]
@@ -309,8 +271,6 @@ class _Solver:
         """
         Make offsets smaller until the transitions have room, and return the transitions.
 
-        :param stops: at which junctions the robot stops
-        :param allowed: the largest offset of each circle [m]
         :returns: the transitions, and at which junctions the robot stops now
         """
         for _ in range(ROUNDS):
@@ -344,8 +304,6 @@ class _Solver:
         """
         Return the transition before a circle, or after the last one; None if it is impossible.
 
-        :param index: the index of the circle
-        :param stops: at which junctions the robot stops
         :param most: the number of arcs to estimate it with; None for the exact transition
         """
         beside = range(max(0, index - 1), min(len(self.groups), index + 1))
@@ -451,11 +409,7 @@ class _Solver:
         return RunPlan(tuple(legs), (*between, transitions[-1]))
 
     def _timed(self, transitions: Sequence[Transition | None]) -> tuple[float, bool]:
-        """
-        Return how long the run takes with the legs before and after it [s].
-
-        :returns: the time, and whether a transition had to be slowed down
-        """
+        """Return how long the run takes with the legs before and after it [s]."""
         plan = self._plan(transitions)
         legs = list(plan.legs)
         passes: list[_Pass | None] = [

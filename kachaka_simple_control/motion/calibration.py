@@ -11,14 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-The calibration of a robot and the calibration of its odometry.
-
-A robot drives at a velocity that differs slightly from the velocity that is sent to it.
-``Calibration`` converts between the sent velocities and the true velocities on the floor.
-``OdometryCalibration`` converts between the velocities that odometry reports and the true
-velocities on the floor.
-"""
+"""How the velocities sent, driven on the floor and reported by odometry differ."""
 
 from __future__ import annotations
 
@@ -47,21 +40,14 @@ class Calibration:
     """
     How the true velocities of a robot differ from the velocities that are sent to it.
 
-    The true linear velocity is v = g_v v_sent.  The true angular velocity is w = g_w w_sent + k v.
-    g_v is the forward or the backward gain, and g_w is the left or the right gain, according to
-    the direction of motion.  k is the veer, the unwanted turn of a robot that should drive
-    straight.  See formula (18) of docs/theory.md.
+    v = g_v v_sent and w = g_w w_sent + k v: g_v is the forward or backward gain, g_w the left or
+    right one, by the direction of motion, and k the veer.  See formula (18) of docs/theory.md.
 
-    :param forward_gain: true linear velocity divided by sent linear velocity, forwards
-    :param backward_gain: true linear velocity divided by sent linear velocity, backwards
     :param left_gain: true angular velocity divided by sent angular velocity, to the left
-    :param right_gain: true angular velocity divided by sent angular velocity, to the right
+    :param right_gain: the same to the right
     :param veer: the unwanted turn for each metre forwards [rad/m], positive to the left
-    :param delay: the delay between a sent velocity and the motion of the robot [s]: dead time plus
-        lag.  None if unknown.  A closed loop, which corrects velocities with odometry, is then not
-        possible
-    :param date: the date of the measurement, as text to show
-    :param floor: the floor on which the robot was measured, as text to show
+    :param date: of the measurement, as text to show
+    :param floor: on which the robot was measured, as text to show
     """
 
     forward_gain: float = 1.0
@@ -74,12 +60,7 @@ class Calibration:
     floor: str = ''
 
     def __post_init__(self) -> None:
-        """
-        Raise an error for a value of the robot's calibration that is out of range.
-
-        :raises InvalidMotionError: if a gain (true velocity divided by sent velocity), the veer
-            (unwanted turn for each metre) or the delay is out of range
-        """
+        """Check each value."""
         for name in GAINS:
             require_between(name, getattr(self, name), MIN_GAIN, MAX_GAIN)
         if self.delay is not None:
@@ -87,39 +68,22 @@ class Calibration:
         require_between('veer', self.veer, -MAX_VEER, MAX_VEER, 'rad/m')
 
     def command(self, velocity: Velocity) -> Velocity:
-        """
-        Return the velocity to send so that the robot drives at a wanted velocity.
-
-        If the wanted velocity is zero, the returned velocity is zero.
-
-        :param velocity: the wanted true velocity on the floor
-        """
+        """Return the velocity to send so that the robot drives at a wanted one; zero for zero."""
         linear, angular = velocity.linear_x, velocity.angular_z
         angular -= self.veer * linear
         return Velocity(linear / self._linear_gain(linear), angular / self._angular_gain(angular))
 
     def response(self, command: Velocity) -> Velocity:
-        """
-        Return the true velocity on the floor that a sent velocity causes.
-
-        This is the inverse of ``command()``.
-
-        :param command: the velocity that is sent to the robot
-        """
+        """Return the true velocity that a sent velocity causes: the inverse of ``command()``."""
         linear = command.linear_x * self._linear_gain(command.linear_x)
         angular = command.angular_z * self._angular_gain(command.angular_z)
         return Velocity(linear, angular + self.veer * linear)
 
     def reduce(self, limits: Limits) -> Limits:
         """
-        Return the limits to plan with, which are lower than the limits of the robot.
+        Return the lower limits to plan with, so that the sent velocities keep those of the robot.
 
-        The calibration changes each planned velocity before it is sent.  If a plan keeps the
-        returned limits, both the planned and the sent velocities keep the limits of the robot.
-
-        :param limits: the limits of the robot for velocities, accelerations and jerks
-        :raises InvalidMotionError: if the correction of the veer, the unwanted turn of the robot,
-            needs all of an angular limit
+        :raises InvalidMotionError: if the correction of the veer needs all of an angular limit
         """
         forward, backward = (min(1.0, gain) - MARGIN for gain in (
             self.forward_gain, self.backward_gain))
@@ -155,18 +119,7 @@ def _remaining(
     """
     Return the part of a limit that a plan can use if a correction needs the other part.
 
-    The calibration adds a correction to each planned velocity, for example because the robot turns
-    when it should drive straight.
-
-    :param limits: the limits of the robot
-    :param name: the name of the limit, a field of ``Limits``
-    :param share: the fraction of the limit that the plan and the correction can use together
-    :param lost: how much of the limit the correction needs, in the unit of the limit.  Its sign is
-        ignored.  An infinite or NaN value is replaced by 0
-    :param cause: the name of the calibration value, for the error message
-    :param value: the calibration value as text, for the error message
-    :returns: ``share`` times the limit, minus ``lost``
-    :raises InvalidMotionError: if the result is not above zero
+    :raises InvalidMotionError: if it is not above zero
     """
     # ``lost`` is infinite or NaN if it depends on a velocity, acceleration or jerk of the other
     # axis that has no limit.  Without a limit, the velocity of the other axis jumps, and so does
@@ -185,13 +138,7 @@ MIN_TRACK, MAX_TRACK = 0.01, 10.0
 
 
 class _Matrix(NamedTuple):
-    """
-    A matrix with the elements ``linear``, ``across``, ``turn`` and ``spin``.
-
-    It converts a linear velocity v and an angular velocity w to another planar velocity.  The new
-    linear velocity is ``linear * v + across * w``.  The new angular velocity is
-    ``turn * v + spin * w``.
-    """
+    """A matrix: v, w become ``linear * v + across * w``, ``turn * v + spin * w``."""
 
     linear: float
     across: float
@@ -209,18 +156,15 @@ class OdometryCalibration:
     """
     How motion on the floor differs from reported odometry; see formula (19) of docs/theory.md.
 
-    A robot with two driven wheels computes its odometry from the radii of the wheels and from the
-    track, which is the distance between the wheels.  ``scale`` corrects the mean radius,
-    ``wheel_ratio`` corrects the ratio of the two radii, and ``track_ratio`` corrects the track.
-    All three are measured with a tape measure.
+    A robot with two driven wheels computes its odometry from their radii and the track, the
+    distance between them.  All three corrections are measured with a tape measure.
 
-    :param scale: true distance divided by reported distance on a straight line; it corrects the
-        mean wheel radius
-    :param wheel_ratio: true diameter of the right wheel divided by true diameter of the left wheel
-    :param track_ratio: true track divided by the track that odometry uses
+    :param scale: true distance divided by reported distance on a straight line; for the mean
+        radius
+    :param wheel_ratio: true diameter of the right wheel divided by that of the left one
     :param track: the track that odometry uses [m]; needed unless ``wheel_ratio`` is 1
-    :param date: the date of the measurement, as text to show
-    :param floor: the floor on which the robot was measured, as text to show
+    :param date: of the measurement, as text to show
+    :param floor: on which the robot was measured, as text to show
     """
 
     scale: float = 1.0
@@ -231,12 +175,7 @@ class OdometryCalibration:
     floor: str = ''
 
     def __post_init__(self) -> None:
-        """
-        Raise an error for a value of the odometry calibration that is out of range.
-
-        :raises InvalidMotionError: if a value is out of range, or if the wheels are unequal and
-            the track, the distance between the wheels, is missing
-        """
+        """Check each value; unequal wheels need the track."""
         require_between('scale', self.scale, MIN_GAIN, MAX_GAIN)
         require_between('wheel_ratio', self.wheel_ratio, MIN_WHEEL_RATIO, MAX_WHEEL_RATIO)
         require_between('track_ratio', self.track_ratio, MIN_GAIN, MAX_GAIN)
@@ -248,28 +187,16 @@ class OdometryCalibration:
                 '0.2 m', name='wheel_ratio')
 
     def to_floor(self, velocity: Velocity) -> Velocity:
-        """
-        Return the true velocity on the floor for a velocity that odometry reports.
-
-        The conversion is linear, so it can also convert a movement.  Then the linear velocity
-        stands for a distance [m], and the angular velocity stands for an angle [rad].
-
-        :param velocity: the velocity that odometry reports
-        """
+        """Return the true velocity, or movement, for one that odometry reports."""
         return self._floor_matrix().apply(velocity)
 
     def advance_on_floor(self, pose: Pose, before: Pose, after: Pose) -> Pose:
         """
         Return the true pose on the floor after a movement that odometry reports.
 
-        The robot cannot drive sideways, but because of noise, odometry can report a small sideways
-        movement.  It is multiplied by ``scale``, the true distance divided by the reported
-        distance.
+        A sideways movement, which is noise, is multiplied by ``scale``.
 
-        :param pose: the true pose on the floor before the movement
-        :param before: the odometry pose before the movement
-        :param after: the odometry pose after the movement; its heading must differ from that of
-            ``before`` by less than half a turn
+        :param after: less than half a turn from ``before``
         """
         change = relative_to(before, after)
         angle = math.remainder(change.theta, math.tau)
@@ -282,24 +209,13 @@ class OdometryCalibration:
         return compose(pose, end)
 
     def to_odometry(self, velocity: Velocity) -> Velocity:
-        """
-        Return the velocity that odometry reports for a true velocity on the floor.
-
-        This is the inverse of ``to_floor()``.
-
-        :param velocity: the true velocity on the floor
-        """
+        """Return what odometry reports for a true velocity: the inverse of ``to_floor()``."""
         return self._odometry_matrix().apply(velocity)
 
     def reduce(self, limits: Limits) -> Limits:
         """
-        Return lower limits, which are valid for true velocities on the floor.
+        Return lower limits for true velocities, with which odometry keeps the given ones, too.
 
-        If a true velocity keeps the returned limits, the true velocity and the velocity that
-        odometry reports for it both keep ``limits``.  This is also valid for accelerations and
-        jerks.
-
-        :param limits: the limits that the true and the reported velocities must keep
         :raises InvalidMotionError: if the correction of unequal wheels needs all of a limit
         """
         inverse = self._odometry_matrix()
@@ -325,12 +241,7 @@ class OdometryCalibration:
 
     @property
     def _offset(self) -> float:
-        """
-        Return half the difference of the true wheel radii, divided by the radius in odometry.
-
-        The difference is the radius of the right wheel minus the radius of the left wheel.
-        Odometry uses the same radius for both wheels.
-        """
+        """Return half of: true right radius minus true left one, divided by that in odometry."""
         return self.scale * (self.wheel_ratio - 1.0) / (self.wheel_ratio + 1.0)
 
     def _floor_matrix(self) -> _Matrix:

@@ -45,12 +45,7 @@ ROUNDING = 1e-9
 
 
 class Axis(NamedTuple):
-    """
-    The limits of acceleration of one axis: linear [m/s^2] or angular [rad/s^2].
-
-    :param acceleration: the largest rate of change away from zero
-    :param deceleration: the largest rate of change towards zero
-    """
+    """The limits of acceleration of one axis: linear [m/s^2] or angular [rad/s^2]."""
 
     acceleration: float
     deceleration: float
@@ -61,7 +56,6 @@ class Axis(NamedTuple):
 
         :param before: the velocity before [m/s or rad/s]
         :param after: the velocity after [m/s or rad/s]
-        :param time: the time between the middles of the two messages [s]
         """
         if before * after < 0.0:
             limit = min(self.acceleration, self.deceleration)
@@ -75,16 +69,12 @@ class ChainPath(Trajectory):
     """
     A path of short arcs, each with its own curvature, which is one message long as planned.
 
-    The path is defined by what is sent, so its end is exact at every rate.  The position along the
-    path is the planned time since its start [s].  The velocity along the path [s/s] is 1 as
-    planned.  At a lower speed factor it is lower, and then each arc takes longer.  The path stays
-    the same at each factor.
+    It is defined by what is sent, so its end is exact at every rate.  A position is the planned
+    time since the start [s], a velocity 1 as planned and lower at a lower speed factor: each arc
+    takes longer, the path stays the same.
 
-    :param sent: the planned velocity in each arc
     :param tick: the planned duration of each arc [s]
     :param speed: the linear velocity at both ends [m/s], not negative
-    :param linear: the limits of the linear acceleration
-    :param angular: the limits of the angular acceleration
     """
 
     sent: tuple[Velocity, ...]
@@ -154,7 +144,6 @@ class ChainPath(Trajectory):
         """
         Return the state at the start.
 
-        :param factor: the speed factor, which has no effect here
         :param velocity: the linear velocity at the end of the previous trajectory [m/s]
         """
         return PathState(0.0, velocity / self.speed)
@@ -168,14 +157,11 @@ class ChainPath(Trajectory):
         """
         Yield the messages from a state to the end of the path, or to a stop before its end.
 
-        Each message lies within one arc.  Its speed is as near to the speed factor as the limits
-        of acceleration allow after the message before it.  The previous speed is always allowed,
-        because the plan keeps the limits and a lower speed needs less.
+        Each lies within one arc, as near to the speed factor as the limits of acceleration allow.
+        The previous speed is always allowed: the plan keeps the limits, and a lower speed needs
+        less.
 
-        :param state: the current state
-        :param factor: the speed factor, from 0 to 1
         :param period: the longest duration of a message [s]
-        :param before: the message before
         """
         index = min(int(state.position / self.tick + ROUNDING), len(self.sent) - 1)
         left = index + 1.0 - state.position / self.tick
@@ -195,12 +181,7 @@ class ChainPath(Trajectory):
             time, here, before = time + message.duration, reached, message
 
     def may_follow(self, before: Sent, after: Sent) -> bool:
-        """
-        Return whether a velocity may follow another one within the limits of acceleration.
-
-        :param before: the velocity before, and its duration
-        :param after: the velocity after, and its duration
-        """
+        """Return whether a velocity may follow another one within the limits of acceleration."""
         time = (before.duration + after.duration) / 2.0
         one, two = before.velocity, after.velocity
         return (self.linear.allows(one.linear_x, two.linear_x, time)
@@ -208,15 +189,7 @@ class ChainPath(Trajectory):
 
 
 class _Next(NamedTuple):
-    """
-    The choice of the next message within an arc of a chain.
-
-    :param path: the chain
-    :param arc: the index of the arc
-    :param left: which part of the arc is left, above 0 and at most 1
-    :param period: the longest duration of a message [s]
-    :param before: the message before
-    """
+    """The choice of the next message within an arc of a chain."""
 
     path: ChainPath
     arc: int

@@ -62,14 +62,10 @@ class CornerTurn:
     """
     The heading during a corner, and the limits of its linear velocity.
 
-    The turn is that of a turn in place from rest to rest, but symmetrical in time.  See formula
-    (22) of docs/theory.md.
+    The turn is that of a turn in place, but symmetrical in time: formula (22) of docs/theory.md.
 
     :param turn: the turn as a path segment [rad], without linear velocity
-    :param limits: the limits along the turn
-    :param leg: the limits along the legs, the stricter of both
     :param direction: 1 forwards, -1 backwards
-    :param rate: the rate of the plan [Hz]
     """
 
     turn: PathSegment
@@ -107,12 +103,7 @@ class CornerTurn:
 
     @cached_property
     def arcs(self) -> list[tuple[float, float, float]]:
-        """
-        Return the arcs of the second half.
-
-        :returns: for each arc the heading change [rad], and how far one metre of the arc leads
-            along the direction in the middle, and across it [m]
-        """
+        """Return the arcs of the second half: heading change, metres ahead and across for one."""
         headings = [self.profile.state_at(self.half + time).position - self.turn.distance / 2.0
                     for time in self.times]
         headings[0], headings[-1] = 0.0, self.turn.distance / 2.0
@@ -175,12 +166,9 @@ class Corner:
     """
     A planned corner.
 
-    :param turn: the turn, with the limits
-    :param shape: the linear velocity
-    :param tangent: how far before the corner the path leaves the leg, and how far after it the
-        path joins the next leg [m]
-    :param deviation: the largest distance of the path from the legs, and of the legs from the
-        path [m]
+    :param tangent: how much of each leg it replaces [m]
+    :param deviation: the largest distance of the path from the legs, and of the legs from the path
+        [m]
     """
 
     turn: CornerTurn
@@ -198,8 +186,6 @@ def corner_path(corner: Corner, limits: Limits, stretching: float = 1.0) -> Chai
     """
     Return the path of a corner, with its timing.
 
-    :param corner: the corner
-    :param limits: the limits of the robot
     :param stretching: makes the path longer by this factor, at the same linear velocities
     """
     turn, later = corner.turn, []
@@ -222,14 +208,13 @@ def plan_corner(
     """
     Return the fastest corner that is near enough to the legs, and for which the legs have room.
 
-    First the velocity in the middle falls, then the time at rest in the middle grows, then the
-    speed at both ends falls, until the corner fits.
+    First the velocity in the middle falls, then the rest there grows, then the speed at both ends
+    falls.
 
-    :param turn: the turn
     :param tolerance: the largest deviation [m]
     :param room: the largest tangent [m]
     :param speed: the largest speed at both ends [m/s]
-    :returns: the corner; None if the robot has to stop in the corner
+    :returns: None if the robot has to stop in the corner
     """
     def excess(shape: Shape) -> float:
         tangent, deviation = turn.measure(shape)

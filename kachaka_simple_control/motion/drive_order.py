@@ -28,19 +28,11 @@ class DriveOrder:
     """
     A motion, with the limits and the rate from which its plan is computed.
 
-    A closed loop corrects the planned velocities with odometry while the robot drives.  For a
-    closed loop, a plan uses only a part of each limit, so that the corrections can use the rest.
+    For a closed loop, the plan uses only a part of each limit; corrections can use the rest.
 
-    :param motion: the motion; for a closed loop, its last step is a settle step, in which the
-        robot stands still and its heading is corrected
-    :param limits: the limits with which the plan is computed.  They are the limits of the robot,
-        or limits for this motion, which can be higher.  For a closed loop, they are a part of
-        these limits
-    :param rate: the rate at which velocities are sent [Hz]
-    :param allowed: the limits of the robot; for a closed loop, a part of each.  ``plan()`` raises
-        an error for a planned velocity beyond them
-    :param corrected: for a closed loop, the limits of the corrected velocities; None if there is
-        no closed loop
+    :param motion: for a closed loop, its last step is a settle
+    :param allowed: the limits of the plan; ``plan()`` raises an error for a velocity beyond them
+    :param corrected: the limits of the corrected velocities; None without a closed loop
     """
 
     motion: Motion
@@ -53,17 +45,9 @@ class DriveOrder:
     def of(cls, motion: Motion, robot: Limits, rate: float, limits: Limits | None = None,
            is_closed_loop: bool = False) -> DriveOrder:
         """
-        Return the ``DriveOrder`` for a motion.
+        Return the order for a motion; a closed loop gets a settle step at its end.
 
-        A closed loop corrects velocities with odometry.  For a closed loop, the plan uses only a
-        part of the limits, and the corrections can use the rest.  The motion then ends with a
-        settle step, in which the robot stands still while its heading is corrected.
-
-        :param motion: the motion
-        :param robot: the limits of the robot
-        :param rate: the rate at which velocities are sent [Hz]
-        :param limits: the limits for this motion; None for the limits of the robot
-        :param is_closed_loop: whether a closed loop corrects the velocities
+        :param limits: the limits for this motion; None for those of the robot
         """
         limits = limits or robot
         if not is_closed_loop:
@@ -73,7 +57,7 @@ class DriveOrder:
 
     def plan(self) -> Plan:
         """
-        Return the plan of the motion: all velocities that drive it, with their times.
+        Return the plan of the motion.
 
         :raises InvalidMotionError: if the motion is invalid, or the robot cannot drive it
         """

@@ -14,9 +14,8 @@
 """
 Join steps into flows, which the robot drives without a stop.
 
-A flow is a run of legs in one direction: lines and arcs.  Between two lines there may be one turn;
-it becomes a corner.  Where a line meets an arc, or an arc another one, a transition connects them.
-The robot is at rest at both ends of a flow.
+Between two lines there may be one turn; it becomes a corner.  Where an arc meets a line or another
+arc, a transition connects them.
 """
 
 from __future__ import annotations
@@ -112,8 +111,7 @@ class FlowStep(NamedTuple):
     """
     A planned step of a flow.
 
-    :param trajectories: its trajectories, in driving order.  The transition between a line and
-        an arc belongs to the arc, and the one between two arcs to the first arc
+    :param trajectories: in driving order.  A transition belongs to its arc, or to the first one
     :param cut: for a turn, how much its corner is cut; None for a leg
     :param joins_next: whether the robot goes on into the next step without a stop
     """
@@ -160,15 +158,7 @@ def _following(parts: Sequence[FlowPart], index: int) -> int | None:
 
 
 def plan_flow(parts: Sequence[FlowPart], limits: Limits, rate: float) -> list[FlowStep]:
-    """
-    Return the planned steps of a flow.
-
-    The flow is never slower than the steps from rest to rest.
-
-    :param parts: the legs and the turns, in driving order
-    :param limits: the limits of the robot
-    :param rate: the rate of the plan [Hz]
-    """
+    """Return the planned steps of a flow, never slower than the steps from rest to rest."""
     at_rest = [FlowStep((part.path,), None, joins_next=False)
                for part in parts if part.path is not None]
     # Less is rounding: the times of a plan are added up one by one.
@@ -183,12 +173,7 @@ def plan_flow(parts: Sequence[FlowPart], limits: Limits, rate: float) -> list[Fl
 
 
 def _finite(limits: PathLimits, length: float) -> PathLimits:
-    """
-    Return limits along a leg with a finite velocity.
-
-    :param limits: the limits
-    :param length: the length of the flow, on which the robot gains speed [m]
-    """
+    """Return limits along a leg with a finite velocity."""
     if limits.velocity < math.inf:
         return limits
     return limits._replace(velocity=time_optimal_profile(length, *limits).velocity)
@@ -201,15 +186,7 @@ def is_grid_rest(leg: Leg, one: Junction, two: Junction) -> bool:
 
 
 class _Flow:
-    """
-    A flow while it is planned.
-
-    :param parts: the legs and the turns, in driving order
-    :param limits: the limits of the robot
-    :param rate: the rate of the plan [Hz]
-    :param joins_arcs: whether the robot drives from arc to arc, and between lines and arcs,
-        without a stop
-    """
+    """A flow while it is planned."""
 
     def __init__(
             self, parts: Sequence[FlowPart], limits: Limits, rate: float,
@@ -286,13 +263,7 @@ class _Flow:
         return LEG_SHARE / self.rate * leg.limits.velocity
 
     def _plan_run(self, run: range, *rooms: float) -> None:
-        """
-        Plan a run of arcs.
-
-        :param run: the indices of its legs
-        :param rooms: how much its transitions may replace of the line before it and of the line
-            after it [m]
-        """
+        """Plan a run of arcs."""
         ends = []
         for side, room, far in zip((-1, 1), rooms, (run.start - 2, run.stop)):
             speed, line = 0.0, self._line(run, side)
@@ -320,12 +291,7 @@ class _Flow:
                 self.junctions[index] = ArcJunction(None, 0.0)
 
     def _room(self, junction: int, leg: int) -> float:
-        """
-        Return how much of a leg a junction may replace [m].
-
-        :param junction: the index of the junction
-        :param leg: the index of the leg, before or after the junction
-        """
+        """Return how much of a leg a junction may replace [m]."""
         length = self.legs[leg].segment.distance
         other = junction - 1 if leg == junction else junction + 1
         if not 0 <= other < len(self.junctions):
@@ -408,13 +374,7 @@ class _Flow:
 
     def _leg(
             self, index: int, lost: Sequence[Replaced], speeds: Sequence[float]) -> Trajectory:
-        """
-        Return the trajectory of what the junctions leave of a leg.
-
-        :param index: the index of the leg
-        :param lost: what the junctions before and after it replace [m]
-        :param speeds: the linear velocities at both ends [m/s]
-        """
+        """Return the trajectory of what the junctions leave of a leg."""
         leg, asked = self.legs[index], self.asked[index]
         if not any(speeds) and leg.segment == asked.segment:
             return asked

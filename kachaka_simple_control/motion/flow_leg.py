@@ -38,14 +38,7 @@ class FlowLeg(ProfiledPath):
     @classmethod
     def between(
             cls, segment: PathSegment, limits: PathLimits, start: float, end: float) -> FlowLeg:
-        """
-        Return the fastest leg between two velocities.
-
-        :param segment: the path segment, long enough to change from one velocity to the other
-        :param limits: the limits along the segment
-        :param start: the velocity at the start [m/s], not negative
-        :param end: the velocity at the end [m/s], not negative
-        """
+        """Return the fastest leg between two velocities [m/s], not negative."""
         profile = replan_to_end(
             PathState(0.0, start), segment.distance, limits.velocity, end, limits)
         return cls(segment, limits, profile, start, end)
@@ -63,23 +56,18 @@ class FlowLeg(ProfiledPath):
 
     def first_state(self, factor: float, velocity: float) -> PathState:  # noqa: ARG002
         """
-        Return the position and the velocity at the start of the leg.
+        Return the state at the start of the leg.
 
-        :param factor: not used
-        :param velocity: the velocity at the end of the previous trajectory [m/s]; not used if the
-            leg begins at rest as planned
+        :param velocity: that of the previous trajectory [m/s]; not used if the leg begins at rest
         """
         return PathState(0.0, velocity if self.start else 0.0)
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
         """
-        Plan the rest of the leg again for another speed factor.
+        Plan the rest of the leg again, with its velocities multiplied by another speed factor.
 
-        The factor multiplies the largest velocity of the leg and the velocity at its end.
-
-        :param state: the current position, velocity and acceleration along the leg
-        :param factor: the speed factor, from 0 to 1.  0 means a stop as soon as possible; if the
-            rest of the leg is too short to stop, the velocity at its end is not zero
+        :param factor: 0 for a stop as soon as possible, which may need more than the rest of the
+            leg
         """
         if not factor:
             return replan_through(state, self.segment.distance, 0.0, self.limits)

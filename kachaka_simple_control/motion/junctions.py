@@ -140,13 +140,10 @@ Junction: TypeAlias = CornerJunction | ArcJunction
 
 def stretch_corners(junctions: Sequence[Junction], rests: Sequence[float]) -> None:
     """
-    Stretch corners so that nothing is left of the legs between them.
+    Stretch corners so that nothing is left of the legs between them, if their bounds allow it.
 
-    The two corners of a leg share what is left of it.  So the growth of each corner follows from
-    that of the first one, which is as small as the bounds of all corners allow.  If they allow
-    nothing, no corner is stretched.
+    The two corners of a leg share what is left of it, so each growth follows from the first one.
 
-    :param junctions: junctions in succession
     :param rests: what is left of each leg between them [m]
     """
     lowest, highest = 0.0, math.inf

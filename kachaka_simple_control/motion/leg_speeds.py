@@ -31,7 +31,6 @@ class Leg(NamedTuple):
     A line or an arc of a flow, in its whole length.
 
     :param segment: the path segment [m]; the junctions at its ends replace a part of it
-    :param limits: the limits along the leg
     """
 
     segment: PathSegment
@@ -77,13 +76,7 @@ class LegJunction(Protocol):
 
 
 def length_left(leg: Leg, one: LegJunction | None, two: LegJunction | None) -> float:
-    """
-    Return the length of a leg between two junctions [m].
-
-    :param leg: the leg
-    :param one: the junction at its start; None for a rest
-    :param two: the junction at its end; None for a rest
-    """
+    """Return the length of a leg between two junctions [m]; None is a rest."""
     return leg.segment.distance - (one.after if one else 0.0) - (two.before if two else 0.0)
 
 
@@ -93,8 +86,7 @@ def limit_speeds(
     """
     Slow junctions down until each leg is long enough to change its speed.
 
-    :param legs: the legs
-    :param junctions: the junction before each leg, and the one after the last leg; None for a rest
+    :param junctions: the one before each leg, and the one after the last leg; None for a rest
     :param first: the speed at the start of the first leg, if it has no junction there [m/s]
     :param last: the speed at the end of the last leg, if it has no junction there [m/s]
     """
@@ -116,15 +108,7 @@ def limit_speeds(
 def _limit_speed(
         junction: LegJunction, other: float, left: float, limits: PathLimits,
         is_end: bool) -> None:
-    """
-    Slow a junction down if the leg between it and a place with another speed is too short.
-
-    :param junction: the junction
-    :param other: the speed at the other place [m/s]
-    :param left: the length of the leg with the part that the junction replaces [m]
-    :param limits: the limits along the leg, seen from the other place
-    :param is_end: whether the junction is at the end of the leg
-    """
+    """Slow a junction down if the leg between it and a place with another speed is too short."""
     def is_too_fast(speed: float) -> bool:
         passed = junction.passed(speed)
         return passed.speed > other and _distance(other, passed.speed, limits) > left - (

@@ -32,22 +32,17 @@ class Limits:
     """
     The largest velocities, accelerations and jerks of a robot; each is positive or infinite.
 
-    The limits are the same in both directions, except that ``max_backward_velocity`` can differ
-    from ``max_linear_velocity``.  A deceleration brings a positive or a negative velocity closer
-    to zero.
+    They hold in both directions, but for ``max_backward_velocity``.
 
     :param max_linear_velocity: largest forward velocity [m/s]
     :param max_angular_velocity: largest turning velocity [rad/s]
-    :param max_linear_acceleration: largest rate of change of the linear velocity [m/s^2]
-    :param max_angular_acceleration: largest rate of change of the angular velocity [rad/s^2]
-    :param max_linear_jerk: largest rate of change of the linear acceleration [m/s^3]
-    :param max_angular_jerk: largest rate of change of the angular acceleration [rad/s^3]
-    :param max_linear_deceleration: largest linear deceleration [m/s^2]; None if it is equal to
-        ``max_linear_acceleration``
-    :param max_angular_deceleration: largest angular deceleration [rad/s^2]; None if it is equal to
-        ``max_angular_acceleration``
-    :param max_backward_velocity: largest backward velocity [m/s], a positive number; None if it is
-        equal to ``max_linear_velocity``
+    :param max_linear_acceleration: [m/s^2]
+    :param max_angular_acceleration: [rad/s^2]
+    :param max_linear_jerk: [m/s^3]
+    :param max_angular_jerk: [rad/s^3]
+    :param max_linear_deceleration: [m/s^2]; None if it is equal to the acceleration
+    :param max_angular_deceleration: [rad/s^2]; None if it is equal to the acceleration
+    :param max_backward_velocity: [m/s], a positive number; None if it is equal to that forwards
     """
 
     max_linear_velocity: float
@@ -61,23 +56,12 @@ class Limits:
     max_backward_velocity: float | None = None
 
     def __post_init__(self) -> None:
-        """
-        Raise an error for limits that are not positive; infinite limits are allowed.
-
-        :raises InvalidMotionError: if a limit is not a number above zero
-        """
+        """Check that each limit is above zero; it may be infinite."""
         for name, quantity in LIMIT_QUANTITIES.items():
             units.require_positive(name, self.bound(name), quantity.unit)
 
     def bound(self, name: str) -> float:
-        """
-        Return the value of a limit.
-
-        If a deceleration is None, return the acceleration of the same kind, linear or angular.  If
-        the largest backward velocity is None, return the largest forward velocity.
-
-        :param name: the name of the limit, a field of ``Limits``
-        """
+        """Return the value of a limit, or of the one that stands for it if it is None."""
         value = getattr(self, name)
         bound: float = getattr(self, SAME_AS.get(name, name)) if value is None else value
         return bound
@@ -103,34 +87,16 @@ class Limits:
             name: value * factor for name, value in asdict(self).items() if value is not None})
 
     def tightened(self, other: Limits) -> Limits:
-        """
-        Return the stricter combination of these limits and other limits.
-
-        Each returned limit is the lower one of the two values.
-
-        :param other: the limits to combine with these limits
-        """
+        """Return the lower one of each limit."""
         return Limits(**{
             name: min(self.bound(name), other.bound(name)) for name in LIMIT_QUANTITIES})
 
     def exceeds(self, other: Limits) -> bool:
-        """
-        Return whether these limits allow a velocity that other limits forbid.
-
-        Only the limits of velocities are compared, not those of accelerations and jerks.
-
-        :param other: the limits to compare with
-        """
+        """Return whether these limits allow a velocity that other limits forbid."""
         return any(self.bound(name) > other.bound(name) for name in VELOCITIES)
 
     def excesses(self, velocity: Velocity) -> Iterator[LimitError]:
-        """
-        Yield at most two errors of a velocity: one for its linear and one for its angular part.
-
-        A part has an error if it is not finite or is beyond its limit.
-
-        :param velocity: the velocity to check
-        """
+        """Yield an error for each part of a velocity that is not finite or beyond its limit."""
         turning = self.max_angular_velocity
         for name, unit, lowest, highest in (
                 ('linear_x', 'm/s', -self.backward_velocity, self.max_linear_velocity),
@@ -141,12 +107,7 @@ class Limits:
                 yield LimitError(value, unit, highest, lowest, whose="the robot's", name=name)
 
     def check(self, velocity: Velocity) -> None:
-        """
-        Raise an error for a velocity beyond the limits.
-
-        :raises InvalidMotionError: if the linear or the angular velocity is not finite, or is
-            beyond its limit
-        """
+        """Raise the first error of a velocity that is not finite or beyond the limits."""
         error = next(self.excesses(velocity), None)
         if error is not None:
             raise error

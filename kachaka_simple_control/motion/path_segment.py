@@ -27,16 +27,13 @@ class PathSegment(NamedTuple):
     """
     A part of a path; its curvature is constant.
 
-    The unit u of its length is the metre for straight lines and arcs, and the radian for a turn in
-    place.  For a step that holds a velocity for a time, the length is the planned duration, and u
-    is the second; so ``linear`` and ``angular`` are velocities.
-
-    Examples: for a straight line, ``linear`` is 1 or -1, and ``angular`` is 0.  For a turn in
-    place, ``linear`` is 0, and ``angular`` is 1 or -1.
+    The unit u of its length is m, or rad for a turn in place.  For a step that holds a velocity
+    for a time, it is s: the length is the planned duration, ``linear`` and ``angular`` are
+    velocities.
 
     :param distance: the length of the segment [u], not negative
-    :param linear: metres forwards for each u [m/u], negative backwards
-    :param angular: radians to the left for each u [rad/u], negative to the right
+    :param linear: metres forwards for each u [m/u], negative backwards: 1 or -1 on a line
+    :param angular: radians to the left for each u [rad/u]: 1 or -1 in a turn in place
     """
 
     distance: float
@@ -59,28 +56,18 @@ class PathSegment(NamedTuple):
         return self.angular * self.distance
 
     def velocity(self, rate: float) -> Velocity:
-        """
-        Convert a velocity along the path segment to the velocity of the robot.
-
-        :param rate: the velocity along the segment [u/s], where u is the unit of the segment's
-            length: the metre, the radian, or the second of planned time
-        :returns: the linear and the angular velocity of the robot
-        """
+        """Convert a velocity along the path segment to the velocity of the robot."""
         return Velocity(self.linear * rate, self.angular * rate)
 
 
 def limits_along(segment: PathSegment, limits: Limits) -> PathLimits:
     """
-    Return the limits of velocity, acceleration, deceleration and jerk along a path segment.
+    Return the limits along a path segment [u/s, u/s^2 and u/s^3].
 
-    The linear and the angular limit of the robot are converted to the unit u of the segment's
-    length, and the lower one is returned.  u is the metre, the radian, or the second of planned
-    time.  See formulas (13) and (17) of docs/theory.md.
+    The lower one of the linear and the angular limit counts: formulas (13) and (17) of
+    docs/theory.md.
 
-    :param segment: the segment
-    :param limits: the limits of the robot
-    :returns: the limits [u/s, u/s^2 and u/s^3].  All are infinite if the robot stands still during
-        the segment
+    :returns: all are infinite if the robot stands still during the segment
     """
     forward = limits.backward_velocity if segment.linear < 0.0 else limits.max_linear_velocity
     return PathLimits(

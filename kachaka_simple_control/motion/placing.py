@@ -14,8 +14,7 @@
 """
 List the steps of a motion whose paths depend on the poses at which they begin.
 
-A step such as ``Goto`` becomes turns and legs.  They depend on where the robot is then, so the
-steps are followed in driving order, from pose to pose.
+A step such as ``Goto`` becomes turns and legs, by following the motion from pose to pose.
 """
 
 from __future__ import annotations
@@ -36,9 +35,7 @@ class Leaf:
     A step that does not depend on a pose, with its place in the motion.
 
     :param path: its place, as in ``steps[2].goto.forward``
-    :param step: the step
     :param place: the place of its fields, as in ``steps[2].goto.forward.``
-    :param speed_place: the place of its field ``speed``, which a goto step gives
     :param corners: its tolerance of corners [m]
     """
 
@@ -53,7 +50,6 @@ class Block(NamedTuple):
     """
     Steps that are driven several times, always on the same path seen from their start.
 
-    :param times: how often they are driven
     :param parts: the steps, in driving order
     """
 
@@ -76,9 +72,8 @@ class Placer:
     Follows the steps of a motion from pose to pose, and turns each goto into turns and legs.
 
     :param corners: the tolerance of corners of the motion [m]
-    :param visit: a function to call with each step that is listed; it may raise an error to end
-        the list
-    :param refuse: a function to call with the place of each wrong value, and the error
+    :param visit: called with each step that is listed; an error ends the list
+    :param refuse: called with the place of each wrong value, and the error
     """
 
     def __init__(
@@ -91,7 +86,6 @@ class Placer:
         """
         Return the steps that drive some steps, from the current pose on.
 
-        :param steps: the steps
         :param prefix: the place of the steps in the motion, as in ``steps[3].repeat.``
         """
         found: list[Leaf | Block] = []

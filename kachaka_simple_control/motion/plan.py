@@ -41,13 +41,7 @@ MAX_SEGMENTS = 5_000_000
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """
-    A time interval of a plan, in which the same velocity is sent repeatedly.
-
-    :param start: the start time [s after the start of the plan]
-    :param end: the end time [s after the start of the plan]
-    :param velocity: the velocity that is sent
-    """
+    """A time interval of a plan [s], in which the same velocity is sent repeatedly."""
 
     start: float
     end: float
@@ -57,20 +51,15 @@ class Segment:
 @dataclass(frozen=True, slots=True)
 class PlannedStep:
     """
-    One step of a motion with its planned times, velocities and end pose.
+    One step of a motion, or one repetition of it, with its planned times, velocities and end pose.
 
-    If a motion repeats a step, each repetition has its own ``PlannedStep``.
-
-    :param path: the place of the step in the motion, as in ``steps[3].repeat.steps[0]``
-    :param step: the step.  It is never a ``Repeat``, but it can be a step inside a ``Repeat``
-    :param start: the start time [s after the start of the plan]
-    :param end: the end time [s after the start of the plan]
-    :param pose: the planned pose at the end of the step, relative to the pose at the start of the
-        plan
-    :param length: the length of the path of the step [m]; parts driven backwards count as positive
-    :param max_linear_velocity: the largest linear velocity sent, without its sign [m/s]
-    :param max_angular_velocity: the largest angular velocity sent, without its sign [rad/s]
-    :param trajectories: the parts of the step's path with their timing, in driving order
+    :param path: its place in the motion, as in ``steps[3].repeat.steps[0]``
+    :param start: [s after the start of the plan], as ``end``
+    :param pose: the pose at the end of the step, relative to the start of the plan
+    :param length: of its path [m]; parts driven backwards count as positive
+    :param max_linear_velocity: the largest one sent, without its sign [m/s]
+    :param max_angular_velocity: the largest one sent, without its sign [rad/s]
+    :param trajectories: in driving order
     :param cut: for a turn that became a corner, how much of the corner is cut; None otherwise
     :param joins_next: whether the robot goes on into the next step without a stop
     """
@@ -94,11 +83,7 @@ class PlannedStep:
 
     @property
     def displacement(self) -> Displacement:
-        """
-        Return the planned length of the path, negative backwards, and the heading change.
-
-        They differ from those of the step if a corner replaces a part of it.
-        """
+        """Return the planned displacement: not that of the step if a corner replaces a part."""
         return Displacement(math.fsum(path.length for path in self.trajectories),
                             math.fsum(path.angle for path in self.trajectories))
 
@@ -106,16 +91,12 @@ class PlannedStep:
 @dataclass(frozen=True)
 class Plan:
     """
-    The velocities that drive a motion, each with its start time and end time.
+    The velocities that drive a motion, each with its start time and end time; then zero.
 
-    After the last time interval the velocity is zero.
-
-    :param segments: the time intervals with one velocity each, in order; they start at 0 s and
-        have no gaps
-    :param period: the longest time between two messages [s].  In a longer time interval, the same
-        velocity is sent again after each period
-    :param steps: the steps of the motion with their planned times, in order.  A repeated step
-        occurs once for each repetition
+    :param segments: from 0 s on, without gaps
+    :param period: the longest time between two messages [s]; in a longer segment, the same
+        velocity is sent again
+    :param steps: a repeated step occurs once for each repetition
     :param saved_time: how much shorter the plan is than with a stop at each step [s]
     """
 
@@ -131,11 +112,7 @@ class Plan:
 
     @property
     def pose(self) -> Pose:
-        """
-        Return the planned pose at the end of the plan.
-
-        At the start of the plan, position and heading are 0.
-        """
+        """Return the planned pose at the end, from 0, 0, 0 at the start."""
         return self.steps[-1].pose if self.steps else ORIGIN
 
     @property
@@ -154,26 +131,14 @@ class Plan:
         return max((step.max_angular_velocity for step in self.steps), default=0.0)
 
     def path(self, start: Pose = ORIGIN) -> list[Pose]:
-        """
-        Return the poses of a robot that drives exactly as planned.
-
-        :param start: the pose of the robot at the start of the plan
-        :returns: the start pose, then the pose at the end of each segment, which is a time
-            interval with one velocity
-        """
+        """Return the poses of a robot that drives exactly as planned."""
         poses = [start]
         for segment in self.segments:
             poses.append(integrate(poses[-1], segment.velocity, segment.end - segment.start))
         return poses
 
     def step_index(self, elapsed: float) -> int:
-        """
-        Return the index of the step that the robot drives at a given time of the plan.
-
-        :param elapsed: the time since the start of the plan [s]
-        :returns: the index in ``steps``: 0 before the start, and the last index after the end.  If
-            several steps start at the same time, it is the index of the last of them
-        """
+        """Return the index of the step that the robot drives at a given time of the plan."""
         return max(0, bisect_right(self.steps, elapsed, key=attrgetter('start')) - 1)
 
 
@@ -181,13 +146,9 @@ def find_errors(motion: Motion, limits: Limits) -> list[InvalidMotionError]:
     """
     Return all reasons why a robot with given limits cannot drive a motion.
 
-    This function does not know the rate at which velocities are sent.  So it does not find an
-    invalid rate, or a rate that gives more than ``MAX_SEGMENTS`` velocities; ``plan()`` does.
+    But for those of the rate, which ``plan()`` finds.
 
-    :param motion: the motion
-    :param limits: the limits of the robot
-    :returns: first the errors of the steps, in the order of the steps, then the errors of the
-        whole motion; empty if there are none
+    :returns: the errors of the steps in their order, then those of the whole motion
     """
     return _apply_limits(motion, limits)[1]
 
@@ -196,12 +157,8 @@ def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
     """
     Return the plan of a motion: all velocities that drive it, with their times.
 
-    :param motion: the motion
-    :param limits: the limits of the robot
-    :param rate: the rate at which velocities are sent [Hz]
-    :raises InvalidMotionError: if a step is beyond a limit, the motion is too long or has too many
-        steps, the plan has more than ``MAX_SEGMENTS`` velocities, or the rate is not a positive
-        number.  Only the first error is raised; ``find_errors()`` returns all errors of a motion
+    :raises InvalidMotionError: the first one of ``find_errors()``, or for more than
+        ``MAX_SEGMENTS`` velocities, or a rate that is not a positive number
     """
     FREQUENCY.require('rate', rate)
     whole, errors = _apply_limits(motion, limits)
@@ -224,12 +181,7 @@ def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
 # Compared by identity: a repeated item is one object.
 @dataclass(frozen=True, eq=False)
 class _Item:
-    """
-    One step of a motion, with its place in the motion and its trajectories.
-
-    A trajectory is a part of the step's path with its timing.  If the robot cannot drive the step,
-    the list of trajectories can be empty.
-    """
+    """One step of a motion, with its place and its trajectories; none if it cannot be driven."""
 
     path: str
     step: Step
@@ -245,50 +197,26 @@ class _Item:
 
 
 class _Block(NamedTuple):
-    """
-    A block: a list of steps, and the number of times that the list is driven.
-
-    Each item of the list is one step with its trajectories, or a block that contains steps.
-    """
+    """A list of steps and blocks, and the number of times that it is driven."""
 
     times: int
     parts: Sequence[_Item | _Block]
 
     def total(self, measure: Callable[[_Item], float]) -> float:
-        """
-        Add up a number over all steps, for example their durations, and return the sum.
-
-        A repeated step counts once for each repetition.
-
-        :param measure: a function that takes a step with its trajectories and returns the number
-            to add
-        """
+        """Add up a number over all steps and repetitions, for example their durations."""
         return self.times * sum(
             measure(part) if isinstance(part, _Item) else part.total(measure)
             for part in self.parts)
 
     def expand(self) -> list[_Item]:
-        """
-        Return the steps in the order in which they are driven.
-
-        A repeated step occurs once for each repetition.
-        """
+        """Return the steps in driving order, with each repetition."""
         return self.times * [
             item for part in self.parts
             for item in ([part] if isinstance(part, _Item) else part.expand())]
 
 
 def _apply_limits(motion: Motion, limits: Limits) -> tuple[_Block, list[InvalidMotionError]]:
-    """
-    Return the steps of a motion with their trajectories, and all errors of the motion.
-
-    A trajectory is a part of a step's path with its timing.  A repeated step is checked only once.
-
-    :param motion: the motion
-    :param limits: the limits of the robot
-    :returns: a block, and the list of errors.  The block contains all steps, and how many times
-        they are repeated.  The list is empty if the robot can drive the motion
-    """
+    """Return the steps of a motion with their trajectories, and all errors, each once."""
     errors: list[InvalidMotionError] = []
 
     def part(step: Step, path: str) -> _Item | _Block:
@@ -320,13 +248,7 @@ def _apply_limits(motion: Motion, limits: Limits) -> tuple[_Block, list[InvalidM
 
 
 def _place(motion: Motion, limits: Limits, errors: list[InvalidMotionError]) -> _Block:
-    """
-    Return the steps of a motion in which steps depend on the pose at their start.
-
-    :param motion: the motion
-    :param limits: the limits of the robot
-    :param errors: a list to which the errors are added; a step that is repeated is refused once
-    """
+    """Return the steps of a motion in which steps depend on the pose at their start."""
     known: dict[Leaf, _Item] = {}
     refused: set[str] = set()
     count, duration = 0, 0.0
@@ -381,12 +303,7 @@ def _join(items: Sequence[_Item], limits: Limits, rate: float) -> list[_Item]:
 
 
 class _Sent(NamedTuple):
-    """
-    The velocities that are sent for one step, and the largest of them.
-
-    There is one list of velocities for each trajectory, which is a part of the step's path with
-    its timing.  The largest linear and the largest angular velocity are given without their signs.
-    """
+    """The velocities of each trajectory of a step, and the largest ones, without signs."""
 
     velocities: list[list[Velocity]]
     max_linear: float
@@ -394,12 +311,7 @@ class _Sent(NamedTuple):
 
 
 def _planned(items: Sequence[_Item], rate: float) -> Plan:
-    """
-    Return the plan that drives steps one after the other.
-
-    :param items: the steps with their trajectories, in the order in which they are driven
-    :param rate: the rate at which velocities are sent [Hz]
-    """
+    """Return the plan that drives steps one after the other."""
     segments: list[Segment] = []
     steps: list[PlannedStep] = []
     time, pose = 0.0, ORIGIN

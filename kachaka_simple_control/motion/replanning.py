@@ -14,8 +14,8 @@
 """
 Plan the rest of a path again, from a state in motion: slow down, stop, or speed up again.
 
-The unit u is the unit of the path: metre, radian, or second for a step with given velocities.
-A number in round brackets, such as (15), is the number of a formula in docs/theory.md.
+The unit u is that of the path segment.  Numbers in brackets, such as (15), are those of formulas
+in docs/theory.md.
 """
 
 from __future__ import annotations
@@ -38,29 +38,14 @@ CRUISE_ROUNDING = 1e-14
 
 
 class Phase(NamedTuple):
-    """
-    A time interval with a constant jerk.
-
-    The unit u of the path is the metre, or the radian for a turn in place.  For a step that holds
-    a velocity for a time, u is the second of planned time.
-
-    :param start: position, velocity and acceleration at the start of the interval
-    :param jerk: the rate of change of the acceleration [u/s^3]
-    :param duration: the duration of the interval [s]
-    """
+    """A time interval with a constant jerk [u/s^3]."""
 
     start: PathState
     jerk: float
     duration: float
 
     def state_at(self, time: float) -> PathState:
-        """
-        Return the position, velocity and acceleration at a time within the phase.
-
-        The phase is a time interval with a constant jerk.
-
-        :param time: the time since the start of the phase [s]
-        """
+        """Return the position, velocity and acceleration at a time within the phase."""
         position, velocity, acceleration = self.start
         return PathState(
             position + time * (velocity + time * (acceleration / 2.0 + time * self.jerk / 6.0)),
@@ -69,11 +54,7 @@ class Phase(NamedTuple):
 
     @property
     def end(self) -> PathState:
-        """
-        Return the position, velocity and acceleration at the end of the phase.
-
-        The phase is a time interval with a constant jerk.
-        """
+        """Return the position, velocity and acceleration at the end of the phase."""
         return self.state_at(self.duration)
 
 
@@ -82,8 +63,7 @@ class Replanned:
     """
     A new plan for the rest of a path: to the end of the path, or to a stop before this end.
 
-    :param phases: the time intervals of constant jerk, in order.  If some limits are infinite,
-        the velocity can jump from one interval to the next
+    :param phases: in order; with infinite limits, the velocity can jump between them
     :param end: position, velocity and acceleration at the end of the new plan
     """
 
@@ -97,11 +77,7 @@ class Replanned:
                    default=0.0)
 
     def means(self, count: int) -> list[float]:
-        """
-        Return the mean velocity in each of several equal time parts [u/s].
-
-        :param count: the number of parts, 1 or more
-        """
+        """Return the mean velocity in each of some equal time parts [u/s]."""
         part = self.duration / count
         marks = [self.state_at(part * index).position for index in range(count)]
         # Rounding must not raise a mean above the limit, or make it negative.
@@ -114,12 +90,7 @@ class Replanned:
         return math.fsum(phase.duration for phase in self.phases)
 
     def state_at(self, time: float) -> PathState:
-        """
-        Return the position, velocity and acceleration along the path at a time of the new plan.
-
-        :param time: the time since the start of the new plan [s], not negative.  After the end of
-            the plan, the result is ``end``
-        """
+        """Return the state at a time of the new plan [s]; after its end, the result is ``end``."""
         for phase in self.phases:
             if time < phase.duration:
                 return phase.state_at(time)
@@ -130,18 +101,12 @@ class Replanned:
 def replan_to_rest(
         state: PathState, distance: float, velocity: float, limits: PathLimits) -> Replanned:
     """
-    Plan the rest of a path again, so that the robot stops at the end of the path.
+    Plan the rest of a path again, so that the robot stops at its end: (15) and (16).
 
-    If ``velocity`` is 0, the robot stops as soon as possible instead.  The position along the path
-    never decreases.  See formulas (15) and (16) of docs/theory.md.
+    With a velocity of 0, it stops as soon as possible.  The position never decreases.
 
-    :param state: the current position, velocity and acceleration; a stop before the end of the
-        path must still be possible
-    :param distance: the length of the whole path [u], where u is m or rad
-    :param velocity: the wanted velocity [u/s].  It is reached as soon as possible.  If the rest
-        of the path is too short for it, a lower velocity is used
-    :param limits: the limits of acceleration, deceleration and jerk.  The field ``velocity`` is
-        not used
+    :param state: a stop before the end of the path must still be possible
+    :param distance: the length of the whole path [u]
     """
     top = velocity
     left = distance - state.position
@@ -167,18 +132,7 @@ def replan_to_rest(
 def _largest_velocity(
         state: PathState, low: float, high: float, limits: PathLimits,
         is_too_fast: Callable[[float], bool]) -> float:
-    """
-    Return the largest velocity from which the robot can still slow down within the path.
-
-    The robot first changes to this velocity, and then stops.  See formula (16) of docs/theory.md.
-
-    :param state: the current position, velocity and acceleration along the path
-    :param low: the velocity at the end of the path [m/s or rad/s]
-    :param high: a velocity that is too large [m/s or rad/s]
-    :param limits: the limits of acceleration, deceleration and jerk; their ``velocity`` is not
-        used
-    :param is_too_fast: whether the path is too short for a velocity
-    """
+    """Return the largest velocity to which the robot can change and stop in time: (16)."""
     # The distance is shortest if the acceleration does not change its sign.
     level = _velocity_at_zero_acceleration(state, limits)
     if low < level < high:
@@ -191,13 +145,8 @@ def replan_through(
     """
     Plan the rest of a path again: change to a velocity, and keep it until the end of the path.
 
-    :param state: the current position, velocity and acceleration
-    :param distance: the length of the whole path [u], where u is the metre, the radian, or the
-        second of planned time
-    :param velocity: the velocity to reach as soon as possible [u/s]; 0 means a stop.  If the rest
-        of the path is too short for the change, the change is not finished at the end of the path
-    :param limits: the limits of acceleration, deceleration and jerk.  The field ``velocity`` is
-        not used
+    :param distance: the length of the whole path [u]
+    :param velocity: to reach as soon as possible [u/s], 0 for a stop; the path may end before
     """
     phases: list[Phase] = []
     for phase in _change_velocity(state, velocity, limits):
@@ -216,16 +165,11 @@ def replan_to_end(
         state: PathState, distance: float, velocity: float, end_velocity: float,
         limits: PathLimits) -> Replanned:
     """
-    Plan the rest of a path again: go on to its end, and have a given velocity there.
+    Plan the rest of a path again: go on to its end with a velocity there, or as near as possible.
 
-    If the path is too short to reach the velocity at the end, the velocity there is as near to
-    it as possible.
-
-    :param state: the current state
-    :param distance: the length of the path [u], where u is m or rad
-    :param velocity: the wanted velocity on the way [u/s], above 0
+    :param distance: the length of the path [u]
     :param end_velocity: the wanted velocity at the end [u/s], from 0 to ``velocity``
-    :param limits: the limits; their ``velocity`` is not used
+    :param limits: their ``velocity`` is not used
     """
     left = distance - state.position
 
@@ -249,16 +193,7 @@ def replan_to_end(
 
 
 def _distance_to_rest(state: PathState, velocity: float, limits: PathLimits) -> float:
-    """
-    Return the distance needed to change to a velocity and then to stop [m or rad].
-
-    Both changes are as fast as the limits allow.
-
-    :param state: the current position, velocity and acceleration; its position is not used
-    :param velocity: the velocity to change to before the stop [m/s or rad/s]
-    :param limits: the limits of acceleration, deceleration and jerk.  The field ``velocity`` is
-        not used
-    """
+    """Return the distance for the fastest change to a velocity and then to rest [u]."""
     return _distance_over(state, (velocity, 0.0), limits)
 
 
@@ -274,14 +209,7 @@ def _distance_over(
 
 
 def _velocity_at_zero_acceleration(state: PathState, limits: PathLimits) -> float:
-    """
-    Return the velocity that is reached when the acceleration goes to zero at the largest jerk.
-
-    See formula (15) of docs/theory.md.
-
-    :param state: the current position, velocity and acceleration
-    :param limits: the limits, of which only the jerk is used
-    """
+    """Return the velocity when the acceleration has gone to zero at the largest jerk: (15)."""
     if limits.jerk == math.inf:
         return state.velocity
     return state.velocity + state.acceleration * abs(state.acceleration) / (2.0 * limits.jerk)
@@ -289,16 +217,9 @@ def _velocity_at_zero_acceleration(state: PathState, limits: PathLimits) -> floa
 
 def _change_velocity(state: PathState, velocity: float, limits: PathLimits) -> Iterator[Phase]:
     """
-    Yield the phases of the fastest change to a velocity.
+    Yield the phases of the fastest change to a velocity, without acceleration at its end: (15).
 
-    A phase is a time interval with a constant jerk.  After the last phase, the acceleration is
-    zero.  See formula (15) of docs/theory.md.  If only the jerk is unlimited, the acceleration
-    jumps.  If the acceleration is unlimited too, the velocity jumps.
-
-    :param state: the current position, velocity and acceleration
-    :param velocity: the velocity at the end of the change
-    :param limits: the limits of acceleration, deceleration and jerk.  The field ``velocity`` is
-        not used
+    Without a limit of jerk the acceleration jumps; without that of acceleration the velocity.
     """
     rises = velocity >= _velocity_at_zero_acceleration(state, limits)
     sign, bound = (1.0, limits.acceleration) if rises else (-1.0, limits.deceleration)
@@ -320,11 +241,6 @@ def _change_velocity(state: PathState, velocity: float, limits: PathLimits) -> I
 
 
 def _time_to(phase: Phase, position: float) -> float:
-    """
-    Return the time since the start of a phase at which a position is reached [s].
-
-    A phase is a time interval with a constant jerk.  The velocity must not be negative in the
-    phase.
-    """
+    """Return when a position is reached in a phase without negative velocity [s]."""
     return bisection(
         0.0, phase.duration, lambda time: phase.state_at(time).position >= position)[1]

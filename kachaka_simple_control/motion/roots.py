@@ -31,13 +31,9 @@ def bisection(
         low: float, high: float, is_above: Callable[[float], bool],
         count: int = BISECTIONS) -> tuple[float, float]:
     """
-    Find a number in an interval by bisection, which halves the interval repeatedly.
+    Find a number in an interval by bisection.
 
-    :param low: the lower end of the interval
-    :param high: the upper end of the interval
-    :param is_above: a function that returns whether its argument is above the number to find
-    :param count: the largest number of times that the interval is halved
-    :returns: the lower end and the upper end of the last interval, which contains the number
+    :param is_above: whether its argument is above the number to find
     """
     for _ in range(count):
         middle = (low + high) / 2.0
@@ -52,16 +48,7 @@ def bisection(
 
 @dataclass
 class _Bracket:
-    """
-    An interval in which a rising function changes its sign.
-
-    The method to make it smaller is regula falsi with the Illinois rule.
-
-    :param low: a place where the function is negative
-    :param high: a place where the function is not negative
-    :param below: the value at ``low``, or a part of it
-    :param above: the value at ``high``, or a part of it
-    """
+    """An interval with the sign change of a rising function: Illinois regula falsi."""
 
     low: float
     high: float
@@ -75,13 +62,7 @@ class _Bracket:
         return self.low + (self.high - self.low) * (self.below / (self.below - self.above))
 
     def narrow(self, place: float, value: float, is_low: bool) -> None:
-        """
-        Make the interval smaller.
-
-        :param place: a place in the interval; it becomes one end
-        :param value: the value of the function there
-        :param is_low: whether the place becomes the lower end
-        """
+        """Make the interval smaller."""
         # If the same end moves twice, the other value is halved, so that the next guess moves it.
         if is_low:
             self.above /= 2.0 if self._last < 0 else 1.0
@@ -116,11 +97,8 @@ def root(
     """
     Return where a rising function changes its sign, to the last bits.
 
-    :param function: the function
     :param low: a place where the function is negative
     :param high: a place where the function is not negative
-    :param below: the value at ``low``
-    :param above: the value at ``high``
     """
     best, least, bracket = high, above, _Bracket(low, high, below, above)
     for _ in range(ROOT_STEPS):

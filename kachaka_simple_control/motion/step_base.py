@@ -39,22 +39,12 @@ Refuse = Callable[[str, InvalidMotionError], None]
 
 @dataclass(frozen=True)
 class Count:
-    """
-    The type of a field of a step: a whole number from 0 to a largest value.
-
-    :param largest: the largest value allowed
-    """
+    """The type of a field of a step: a whole number from 0 to a largest value."""
 
     largest: int
 
     def require(self, name: str, value: object) -> None:
-        """
-        Raise an error for a value that is not a whole number from 0 to ``largest``.
-
-        :param name: the name of the field, for the message
-        :param value: the value to check
-        :raises InvalidMotionError: if the value is not a whole number, or is out of range
-        """
+        """Check that a value is a whole number from 0 to ``largest``."""
         if isinstance(value, bool) or not isinstance(value, int):
             raise InvalidMotionError(f'{value!r}; it must be a whole number', name=name)
         if not 0 <= value <= self.largest:
@@ -71,13 +61,7 @@ class PointField:
     """The type of a field of a step: a point, given by x and y."""
 
     def require(self, name: str, value: object) -> None:
-        """
-        Raise an error for a value that is not a pair of finite numbers.
-
-        :param name: the name of the field, for the message
-        :param value: the value to check
-        :raises InvalidMotionError: if the value is no point
-        """
+        """Check that a value is a pair of finite numbers."""
         as_point(name, value)
 
 
@@ -86,22 +70,14 @@ class PointList:
     """The type of a field of a step: a list of at least one point, each given by x and y."""
 
     def require(self, name: str, value: object) -> None:
-        """
-        Raise an error for a value that is not a list of points.
-
-        :param name: the name of the field, for the message
-        :param value: the value to check
-        :raises InvalidMotionError: if the value is no list of points, or is empty
-        """
+        """Check that a value is a list of at least one point."""
         as_points(name, value)
 
 
 def as_point(name: str, value: object) -> Point:
     """
-    Return a point as a pair of floats.
+    Return x and y [m], any iterable, as a pair of floats.
 
-    :param name: the name of the point, for the message
-    :param value: any iterable of two numbers: x and y [m]
     :raises InvalidMotionError: if the value is not an iterable of two finite numbers
     """
     numbers = None if isinstance(value, (str, bytes)) or not isinstance(value, Iterable) else (
@@ -114,10 +90,8 @@ def as_point(name: str, value: object) -> Point:
 
 def as_points(name: str, value: object) -> tuple[Point, ...]:
     """
-    Return a list of points as a tuple of pairs of floats.
+    Return points, any iterable, as a tuple of pairs of floats [m].
 
-    :param name: the name of the list, for the message
-    :param value: any iterable of points: x and y of each [m]
     :raises InvalidMotionError: if the value is no iterable of points, or is empty
     """
     if isinstance(value, (str, bytes)) or not isinstance(value, Iterable):
@@ -133,13 +107,7 @@ FieldKind = Quantity | Count | StepList | PointField | PointList
 
 
 class FileField(NamedTuple):
-    """
-    How a field of a step is written in a motion file, and how it is explained to the user.
-
-    :param kind: the type of the value
-    :param description: the meaning of the field, for the JSON Schema; editors show it
-    :param examples: example values as written in a file
-    """
+    """How a field of a step is written in a motion file, and how an editor explains it."""
 
     kind: FieldKind
     description: str
@@ -147,13 +115,7 @@ class FileField(NamedTuple):
 
 
 def in_file(kind: FieldKind, description: str, *examples: Any) -> dict[str, FileField]:
-    """
-    Return the dataclass metadata that says how a field of a step is written in a motion file.
-
-    :param kind: the type of the value
-    :param description: the meaning of the field, for the JSON Schema; editors show it
-    :param examples: example values as written in a file
-    """
+    """Return the metadata of a field: its kind, its meaning for editors, and examples."""
     return {'file': FileField(kind, description, examples)}
 
 
@@ -163,7 +125,6 @@ class PlacedStep:
     A part of a step that depends on the pose at its start: a turn or a straight leg.
 
     :param name: its place in the step, for paths, as in ``points[1].forward``
-    :param step: the turn or the leg
     """
 
     name: str
@@ -178,27 +139,24 @@ class Step(ABC):
     """
     One part of a motion, such as a turn: the base class of all kinds of steps.
 
-    Each kind of step is a subclass of ``Step`` and a frozen dataclass.  It must define ``path()``
-    and ``describe()``; the other methods have a default.  The first line of its docstring explains
-    the step in the JSON Schema of motion files.
+    A subclass is a frozen dataclass.  It must define ``path()`` and ``describe()``; the first line
+    of its docstring explains the step in the JSON Schema of motion files.  Each field has the
+    metadata of ``in_file()``; an optional one is None by default.  The last required field says
+    how large the step is: an error about its duration names it.  The robot stands still at both
+    ends of each path segment, unless ``trajectories()`` is overridden.
 
-    Each field has the metadata of ``in_file()``.  An optional field is None by default.  The last
-    required field says how large the step is: its distance, angle or duration.  If the step takes
-    too long, the error message names this field.
+    :cvar keyword: the name of the step in files and messages: the class name in lower case
 
-    The robot stands still at the start and at the end of each path segment, unless the subclass
-    overrides ``trajectories()``.
+    :cvar form: how the step is written in a file, for messages; '' if the value of the first field
+        can be written alone, as in ``wait: 2 s``
 
-    :cvar keyword: the name of the step in files and error messages: the class name in lower case
-    :cvar form: how the step is written in a file, for error messages; '' if the value of the first
-        field can be written alone, as in ``wait: 2 s``
-    :cvar synonyms: words that users may write instead of the keyword; an error message then
-        suggests the keyword
-    :cvar is_placed: whether the path of the step depends on the pose at its start; ``placed()``
-        then returns the steps that drive it, and ``path()`` is its path from the start of the
-        motion
-    :cvar settles: whether the robot stands still in this step while a closed loop corrects its
-        heading with odometry
+    :cvar synonyms: words that users may write instead; a message then suggests the keyword
+
+    :cvar is_placed: whether the path depends on the pose at its start; ``placed()`` then returns
+        the steps that drive it, and ``path()`` is its path from the start of the motion
+
+    :cvar settles: whether this is a settle
+
     :ivar speed: the largest velocity along the path [m/s, or rad/s for a turn in place]; None: as
         fast as the limits allow
     :ivar corners: how far the robot may pass corners inside the step [m]; None: as the motion says
@@ -213,20 +171,16 @@ class Step(ABC):
     corners: float | None = None
 
     def __init_subclass__(cls) -> None:
-        """
-        Register a new subclass as a kind of step.
-
-        Its keyword, the name of the step in files, is the class name in lower case.
-        """
+        """Register a new kind of step, with its keyword."""
         super().__init_subclass__()
         cls.keyword = cls.__name__.lower()
         KINDS[cls.keyword] = cls
 
     def __post_init__(self) -> None:
         """
-        Raise an error for a step with an invalid value.
+        Check each value.
 
-        :raises InvalidMotionError: if a value is not a finite number or has the wrong sign
+        :raises InvalidMotionError: if one is not a finite number or has the wrong sign
         """
         for item in fields(self):  # type: ignore[arg-type]
             value, kind = getattr(self, item.name), item.metadata['file'].kind
@@ -235,11 +189,7 @@ class Step(ABC):
 
     @abstractmethod
     def path(self) -> tuple[PathSegment, ...]:
-        """
-        Return the segments of the step's path, each with a constant curvature, in driving order.
-
-        Each segment starts at the end of the previous segment.
-        """
+        """Return the segments of the path in driving order, each from the end of the last."""
 
     @abstractmethod
     def describe(self) -> str:
@@ -250,23 +200,15 @@ class Step(ABC):
         return self.describe()
 
     def block(self) -> tuple[int, tuple[Step, ...]] | None:
-        """
-        Return how many times this step repeats other steps, and the repeated steps.
-
-        Return None if this step does not repeat other steps.
-        """
+        """Return how many times this step repeats other steps, and which; None if it does not."""
         return None
 
     def placed(self, pose: Pose, refuse: Refuse) -> tuple[list[PlacedStep], Pose]:
         """
-        Return the turns and legs of a step that depends on the pose at its start, and its end.
+        Return the turns and legs of a step whose ``is_placed`` is true, and the pose at their end.
 
-        Only a step whose ``is_placed`` is true can be asked.
-
-        :param pose: the pose at the start of the step, seen from the start of the motion
-        :param refuse: a function to call for each field because of which the step cannot begin at
-            this pose, with the name of the field and the error
-        :returns: the turns and legs in driving order, and the pose at the end of the step
+        :param refuse: called with each field, and error, because of which it cannot begin at this
+            pose
         """
         raise NotImplementedError(f'{self.keyword} does not depend on the pose')
 
@@ -276,11 +218,7 @@ class Step(ABC):
 
     @property
     def displacement(self) -> Displacement:
-        """
-        Return the length of the step's path [m] and the change of the heading [rad].
-
-        Parts driven backwards and parts turned to the right count as negative.
-        """
+        """Return the length of the path [m] and the change of the heading [rad], signed."""
         path = self.path()
         return Displacement(math.fsum(segment.length for segment in path),
                             math.fsum(segment.angle for segment in path))
@@ -292,25 +230,17 @@ class Step(ABC):
 
     @classmethod
     def file_fields(cls) -> dict[str, FileField]:
-        """
-        Return a dictionary that says how each field of the step is written in a file.
-
-        The keys are the names of the fields, in the order of their definition.
-        """
+        """Return how each field of the step is written in a file, in their order."""
         return {item.name: item.metadata['file'] for item in fields(cls)}  # type: ignore[arg-type]
 
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
         """
-        Return the fastest trajectory along each segment of the step's path.
+        Return the fastest trajectory along each segment under ``limits`` and ``speed``.
 
-        A trajectory is a path segment with its timing.  It keeps ``limits``, and its velocity is
-        at most the ``speed`` of the step if that is given.
-
-        :param limits: the limits of the robot
-        :param refuse: a function that is called as ``refuse(name, error)`` for each field that
-            makes the step impossible for the robot; ``name`` is the name of the field
-        :returns: the trajectories, in driving order.  The list is empty if neither a limit nor
-            ``speed`` limits the velocity, or if the step takes too long
+        :param refuse: called as ``refuse(name, error)`` for each field that makes the step
+            impossible
+        :returns: in driving order; empty if nothing limits the velocity, or the step takes too
+            long
         """
         path = [(segment, limits_along(segment, limits)) for segment in self.path()]
         if self.speed is not None:
@@ -341,12 +271,7 @@ class Step(ABC):
         return []
 
     def limit_note(self) -> str:
-        """
-        Return the last words of the error message for a speed above the limit.
-
-        They say for which motion the limit is valid, as in ' backwards'.  The text is empty if
-        the message does not need them.
-        """
+        """Return the last words of the message for a speed above the limit, as in ' backwards'."""
         return ''
 
     def _extent(self) -> str:
@@ -359,15 +284,9 @@ class Step(ABC):
 
     def _held(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
         """
-        Return a trajectory with constant velocity for each segment of the step's path.
+        Return a trajectory with constant velocity for each segment, as long as it takes.
 
-        A trajectory is a path segment with its timing.  Here, the length of a segment is its
-        duration [s].
-
-        :param limits: the limits of the robot
-        :param refuse: a function that is called as ``refuse(name, error)`` if the step takes too
-            long; ``name`` is the name of the duration field
-        :returns: the trajectories, in order; empty if the step takes too long
+        :returns: empty if the step takes too long
         """
         held: list[Trajectory] = [
             ConstantVelocity(segment, limits_along(segment, limits)) for segment in self.path()]
@@ -383,7 +302,6 @@ def step_tuple(steps: object) -> tuple[Step, ...]:
     """
     Return steps as a tuple, after a check that each item is a step.
 
-    :param steps: any iterable of steps
     :raises InvalidMotionError: if the value is not an iterable, or if an item is not a step
     """
     if isinstance(steps, (str, bytes)) or not isinstance(steps, Iterable):

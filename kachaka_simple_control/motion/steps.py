@@ -58,8 +58,6 @@ class Move(Step):
     """
     Hold a velocity for a time: the lesson's step.
 
-    The lesson is docs/lesson.md.  There, each movement is a velocity that is sent for a time.
-
     :param linear_x: forward velocity [m/s], negative backwards
     :param angular_z: turning velocity [rad/s], positive to the left
     :param duration: how long to hold the velocity [s], not negative
@@ -94,16 +92,7 @@ class Move(Step):
         return f'{self.describe().removeprefix("move ")} for {self.duration:g} s'
 
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
-        """
-        Return a list with one trajectory, which has a constant velocity.
-
-        A trajectory is a path segment with its timing.  The list is empty if the step takes too
-        long.
-
-        :param limits: the limits of the robot
-        :param refuse: a function that is called as ``refuse(name, error)`` for each field that
-            makes the step impossible for the robot; ``name`` is the name of the field
-        """
+        """Return one trajectory of a constant velocity; none if the step takes too long."""
         for error in limits.excesses(self.velocity):
             refuse(error.name or '', error)
         return self._held(limits, refuse)
@@ -137,11 +126,7 @@ class Forward(Step):
         return f'forward {format_number(self.distance)} m'
 
     def limit_note(self) -> str:
-        """
-        Return the text ' backwards' if the distance is negative, and an empty text otherwise.
-
-        The text is the end of the error message for a speed above the limit.
-        """
+        """Return ' backwards' if the distance is negative."""
         return ' backwards' if self.distance < 0.0 else ''
 
 
@@ -178,8 +163,8 @@ class Arc(Step):
     Drive along a part of a circle, from rest to rest.
 
     The robot drives forwards if ``angle`` is positive, and backwards on the same circle if it is
-    negative.  If the centre of the circle is on the left, ``angle`` is added to the heading.  If
-    the centre is on the right, ``angle`` is subtracted from the heading.
+    negative.  The heading changes by ``angle`` with the centre on the left, by minus ``angle`` on
+    the right.
 
     :param radius: distance to the centre of the circle [m], positive if the centre is on the left,
         negative if it is on the right; ``|radius|`` must be at least 1e-6 m
@@ -203,12 +188,7 @@ class Arc(Step):
         '0.15 m/s'))
 
     def __post_init__(self) -> None:
-        """
-        Raise an error for an arc with an invalid value.
-
-        :raises InvalidMotionError: if a value is not a finite number or has the wrong sign, or if
-            the radius is too small
-        """
+        """Check each value, and that the radius is not too small."""
         if abs(require_finite('radius', self.radius, 'm')) < MIN_RADIUS:
             raise InvalidMotionError(
                 f'{self.radius} m; its size must be at least {MIN_RADIUS:g} m; to turn in place, '
@@ -251,16 +231,7 @@ class Wait(Step):
         return f'wait {format_number(self.duration)} s'
 
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
-        """
-        Return a list with one trajectory, in which the robot stands still.
-
-        A trajectory is a path segment with its timing.  The list is empty if the step takes too
-        long.
-
-        :param limits: the limits of the robot
-        :param refuse: a function that is called as ``refuse(name, error)`` if the step takes too
-            long; ``name`` is the name of the duration field
-        """
+        """Return one trajectory at rest; none if the step takes too long."""
         return self._held(limits, refuse)
 
 
@@ -269,8 +240,6 @@ class Settle(Wait):
     """
     Stand still for a time, in which a closed loop corrects the heading.
 
-    A closed loop corrects the velocities of a motion with odometry while the robot drives.
-
     :param duration: how long to stand still [s], not negative
     """
 
@@ -278,11 +247,7 @@ class Settle(Wait):
     settles = True
 
     def describe(self) -> str:
-        """
-        Return the duration of the settle step as text.
-
-        In a settle step, the robot stands still while its heading is corrected.
-        """
+        """Return the duration as text."""
         return f'settle {format_number(self.duration)} s'
 
 
@@ -302,12 +267,7 @@ class Repeat(Step):
         StepList(), 'What to do, in order.', [{'forward': '0.5 m'}, {'turn': '90 deg'}]))
 
     def __post_init__(self) -> None:
-        """
-        Raise an error for a repeat with an invalid value.
-
-        :raises InvalidMotionError: if ``times`` is negative, too large or not a whole number, if
-            an item of ``steps`` is not a step, or if repeats are nested too deeply
-        """
+        """Check the number and the steps, and how deeply repeats are nested."""
         TIMES.require('times', self.times)
         object.__setattr__(self, 'steps', step_tuple(self.steps))
         if _nesting(self) > MAX_NESTING:
@@ -315,11 +275,7 @@ class Repeat(Step):
                 f'steps has repeats {_nesting(self)} deep; at most {MAX_NESTING} may be nested')
 
     def path(self) -> tuple[PathSegment, ...]:
-        """
-        Return the path segments of the repeated steps, in driving order.
-
-        The segments occur once for each repetition.
-        """
+        """Return the path segments of the steps in driving order, with each repetition."""
         return tuple(segment for step in self.steps for segment in step.path()) * self.times
 
     def describe(self) -> str:
@@ -342,7 +298,6 @@ class Motion:
 
     The steps may come first, and the name may be left out: ``Motion([Forward(0.5)])``.
 
-    :param name: the name to show
     :param steps: the steps, in order; a list is converted to a tuple
     :param description: the purpose of the motion, as text to show
     :param corners: how far the robot may pass the corners between steps, to drive through them
@@ -388,12 +343,7 @@ class Motion:
         return replace(self, steps=tuple(step.with_stops() for step in self.steps), corners=0.0)
 
     def settled(self) -> Motion:
-        """
-        Return this motion with a settle step at its end.
-
-        In a settle step, the robot stands still while a closed loop corrects its heading with
-        odometry.  If the motion already ends with such a step, the motion is returned unchanged.
-        """
+        """Return this motion with a settle step at its end, if there is none yet."""
         if self.steps and self.steps[-1].settles:
             return self
         return replace(self, steps=(*self.steps, Settle(SETTLE_TIME)))

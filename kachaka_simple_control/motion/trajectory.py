@@ -14,8 +14,7 @@
 """
 Trajectories: parts of a path with their timing.
 
-Each of them is driven along a path segment, which is a part of the path with constant curvature.
-Only a ``ChainPath`` (see ``chain.py``) is driven along a chain of short arcs.
+Each is driven along a path segment; only a ``ChainPath`` is driven along a chain of short arcs.
 """
 
 from __future__ import annotations
@@ -51,12 +50,7 @@ TIME_BISECTIONS = 40
 
 
 class Sent(NamedTuple):
-    """
-    A velocity, and the time until the next one.
-
-    :param velocity: the velocity
-    :param duration: how long the robot keeps the velocity [s]
-    """
+    """A velocity, and the time until the next one."""
 
     velocity: Velocity
     duration: float
@@ -66,10 +60,8 @@ class Piece(NamedTuple):
     """
     A part of a trajectory that is driven with one velocity.
 
-    :param begin: the time of its start, from the start of the first piece on [s]
-    :param end: the time of its end [s]
-    :param velocity: the velocity to send
-    :param first: the state along the trajectory at the start
+    :param begin: from the start of the first piece on [s]
+    :param end: [s]
     :param last: the state along the trajectory at the end
     :param rest: how long the robot stays at rest from the start on [s]; 0 while moving
     """
@@ -86,7 +78,7 @@ class Trajectory(ABC):
     """
     A path with its timing: what the plan, the tick scheduler and the tables need to know of it.
 
-    A position along the path has a unit of its own: m, rad, or s of planned time.
+    A position along the path has a unit u of its own: m, rad, or s of planned time.
     """
 
     @property
@@ -121,60 +113,35 @@ class Trajectory(ABC):
 
     @abstractmethod
     def advance(self, pose: Pose) -> Pose:
-        """
-        Return the pose of the robot at the end of the path.
-
-        :param pose: its pose at the start
-        """
+        """Return the pose of the robot at the end of the path."""
 
     @abstractmethod
     def ticks(self, rate: float) -> int:
-        """
-        Return the number of velocities that drive the path.
-
-        :param rate: the rate at which velocities are sent [Hz]
-        """
+        """Return the number of velocities that drive the path."""
 
     @abstractmethod
     def velocities(self, rate: float) -> list[Velocity]:
-        """
-        Return the velocities that drive the path as planned, each for the same time.
-
-        :param rate: the rate at which velocities are sent [Hz]
-        """
+        """Return the velocities that drive the path as planned, each for the same time."""
 
     @abstractmethod
     def state_at(self, time: float) -> PathState:
-        """
-        Return the planned position, velocity and acceleration along the path at a time.
-
-        :param time: the time since the start [s]
-        """
+        """Return the planned position, velocity and acceleration along the path at a time."""
 
     @abstractmethod
     def time_at(self, position: float) -> float:
-        """
-        Return the planned time since the start at which a position is reached [s].
-
-        :param position: the position [m, rad or s]
-        """
+        """Return the planned time since the start at which a position [u] is reached [s]."""
 
     @abstractmethod
     def first_state(self, factor: float, velocity: float) -> PathState:
         """
         Return the position and the velocity at the start, under a speed factor.
 
-        :param factor: the speed factor, from 0 to 1
-        :param velocity: the velocity that the previous trajectory leaves, in its unit; 0 at rest
+        :param velocity: what the previous trajectory leaves [u/s]; 0 at rest
         """
 
     @abstractmethod
     def exit_velocity(self, state: PathState) -> float:
-        """
-        Return the velocity that the next trajectory has to begin with; 0 after a rest.
-
-        :param state: the position and the velocity at the end
-        """
+        """Return the velocity that the next trajectory has to begin with; 0 after a rest."""
 
     @abstractmethod
     def pieces(
@@ -185,21 +152,13 @@ class Trajectory(ABC):
 
         The robot may come to rest before the end.  The last piece then ends there.
 
-        :param state: the current position, velocity and acceleration along the path
-        :param factor: the speed factor, from 0 to 1
         :param period: the longest duration of a piece [s]
-        :param before: the velocity before, and its duration
         """
 
 
 @dataclass(frozen=True)
 class TimedPath(Trajectory):
-    """
-    A path segment with its timing: the base class of ``ConstantVelocity`` and ``ProfiledPath``.
-
-    :param segment: the segment
-    :param limits: the limits along the segment
-    """
+    """A path segment with its timing: a ``ConstantVelocity`` or a ``ProfiledPath``."""
 
     segment: PathSegment
     limits: PathLimits
@@ -225,11 +184,7 @@ class TimedPath(Trajectory):
         return self.segment.angle
 
     def advance(self, pose: Pose) -> Pose:
-        """
-        Return the pose of the robot at the end of the path segment.
-
-        :param pose: its pose at the start of the segment
-        """
+        """Return the pose of the robot at the end of the path segment."""
         return advance(pose, self.segment.length, self.segment.angle)
 
     @property
@@ -238,11 +193,7 @@ class TimedPath(Trajectory):
         return self.first_state(1.0, 0.0)
 
     def exit_velocity(self, state: PathState) -> float:
-        """
-        Return the velocity that the next trajectory has to begin with; 0 after a rest.
-
-        :param state: the position and the velocity at the end of the path segment
-        """
+        """Return the velocity that the next trajectory has to begin with; 0 after a rest."""
         return 0.0 if self.is_rest else state.velocity
 
     @abstractmethod
@@ -252,16 +203,7 @@ class TimedPath(Trajectory):
     def pieces(
             self, state: PathState, factor: float, period: float,
             before: Sent) -> Iterator[Piece]:  # noqa: ARG002
-        """
-        Yield the velocities that drive the rest of the path segment under another speed factor.
-
-        The robot may come to rest before the end.  The last piece then ends there.
-
-        :param state: the current position, velocity and acceleration along the segment
-        :param factor: the speed factor, from 0 to 1
-        :param period: the longest duration of a piece [s]
-        :param before: the velocity before; not used
-        """
+        """Yield the velocities that drive the rest of the path under a speed factor."""
         replanned = self.replanned(state, factor)
         duration = replanned.duration
         count = math.ceil(duration / period * (1.0 - MESSAGE_TOLERANCE))
@@ -282,23 +224,13 @@ class TimedPath(Trajectory):
     @property
     @abstractmethod
     def max_rate(self) -> float:
-        """
-        Return the largest planned velocity along the path segment [u/s].
-
-        u is the unit of the segment's length: the metre, the radian, or the second of planned
-        time.
-        """
+        """Return the largest planned velocity along the path segment [u/s]."""
 
     def mean_velocity(self, distance: float, duration: float) -> Velocity:
         """
         Return the constant velocity at which the robot covers a distance in a time.
 
-        Rounding can make the velocity along the path segment negative or larger than its largest
-        planned value.  It is then set to 0 or to this largest value.
-
-        :param distance: the distance along the segment, in metres, radians, or seconds of planned
-            time
-        :param duration: the time [s]
+        Rounding cannot make it negative or larger than planned.
         """
         # Rounding must not raise the rate above the limit, or make it negative.
         return self.segment.velocity(min(max(0.0, distance / duration), self.max_rate))
@@ -308,9 +240,8 @@ class ConstantVelocity(TimedPath):
     """
     A path segment with one constant velocity, which is sent repeatedly at the rate of the plan.
 
-    A position along the segment is the planned time since the start of the segment [s].  A
-    velocity along the segment is the planned time that passes in each second: 1 as planned, and
-    0.5 if the motion is slowed down to half its speed.
+    A position is the planned time since its start [s]; a velocity is 1 as planned, 0.5 at half the
+    speed.
     """
 
     @property
@@ -319,102 +250,46 @@ class ConstantVelocity(TimedPath):
         return self.segment.distance
 
     def ticks(self, rate: float) -> int:  # noqa: ARG002
-        """
-        Return the number of different velocities in the path segment.
-
-        The result is 1, or 0 if the duration is 0.
-
-        :param rate: not used
-        """
+        """Return the number of different velocities: 1, or 0 if the duration is 0."""
         return 1 if self.duration else 0
 
     def velocities(self, rate: float) -> list[Velocity]:
-        """
-        Return a list with the constant velocity; the list is empty if the duration is 0.
-
-        :param rate: the rate at which velocities are sent [Hz]; it does not change the result
-        """
+        """Return a list with the constant velocity; the list is empty if the duration is 0."""
         return [self.segment.velocity(self.max_rate)] * self.ticks(rate)
 
     def state_at(self, time: float) -> PathState:
-        """
-        Return the planned position and velocity along the path segment at a time.
-
-        The position is the planned time since the start of the segment, so it is equal to
-        ``time``.  The velocity is the planned time that passes in each second, so it is 1.
-
-        :param time: the time since the start of the segment [s]
-        """
+        """Return the planned state at a time."""
         return PathState(time, self.max_rate)
 
     def time_at(self, position: float) -> float:
-        """
-        Return the planned time at which a position is reached [s]; it is equal to the position.
-
-        :param position: the position along the path segment, given as the planned time since the
-            start of the segment [s]
-        """
+        """Return the planned time at which a position is reached: they are the same."""
         return position
 
     def first_state(self, factor: float, velocity: float) -> PathState:
         """
-        Return the position and the velocity at the start of the path segment.
+        Return the state at the start: its velocity is that before, or else the factor.
 
-        The position is 0.  If ``velocity`` is not 0, it is also the returned velocity.  Otherwise
-        the returned velocity is ``factor``.  But if the robot stands still in the segment, a
-        factor above 0 is rounded up to 1, so that a wait does not become longer.
-
-        :param factor: the speed factor, which is the speed relative to the plan, from 0 to 1
-        :param velocity: the velocity at the end of the previous segment: the planned time that
-            passes in each second, so it is 1 at the planned speed
+        At rest, a factor above 0 counts as 1, so that a wait does not become longer.
         """
         return PathState(0.0, velocity or self._rate(factor))
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
-        """
-        Plan the rest of the path segment again for a new speed factor.
-
-        The velocity along the segment is the planned time that passes in each second.  It changes
-        to the speed factor as fast as the limits allow.  If the rest of the segment is too short
-        for this change, the change is not finished at the end of the segment.  If the robot stands
-        still in the segment, a factor above 0 is rounded up to 1, so that a wait does not become
-        longer.
-
-        :param state: the current position, velocity and acceleration along the segment
-        :param factor: the speed factor, which is the speed relative to the plan, from 0 to 1; 0
-            means a stop
-        """
+        """Plan the rest again for a new speed factor; the segment may end before it is reached."""
         return replan_through(state, self.duration, self._rate(factor), self.limits)
 
     @property
     def max_rate(self) -> float:
-        """
-        Return the largest planned velocity along the path segment, which is 1.
-
-        The velocity along the segment is the planned time that passes in each second.
-        """
+        """Return the largest planned velocity: 1."""
         return 1.0
 
     def _rate(self, factor: float) -> float:
-        """
-        Return the velocity along the path segment for a speed factor.
-
-        This velocity is the planned time that passes in each second.  If the robot moves in the
-        segment, the result is the factor.  If the robot stands still in the segment, a factor
-        above 0 is rounded up to 1, so that a wait does not become longer.
-
-        :param factor: the speed factor, which is the speed relative to the plan, from 0 to 1
-        """
+        """Return the velocity for a speed factor; at rest 1 above 0, so a wait is no longer."""
         return math.ceil(factor) if self.segment.is_rest else factor
 
 
 @dataclass(frozen=True)
 class ProfiledPath(TimedPath):
-    """
-    A path segment that is driven from rest to rest along a velocity profile.
-
-    :param profile: the velocity along the segment over time
-    """
+    """A path segment that is driven from rest to rest along a velocity profile."""
 
     profile: VelocityProfile | Replanned
 
@@ -424,25 +299,13 @@ class ProfiledPath(TimedPath):
         return self.profile.duration
 
     def ticks(self, rate: float) -> int:
-        """
-        Return the number of ticks, the equal time parts into which the duration is divided.
-
-        In each tick, one velocity is sent.  A tick is at most 1 / ``rate`` long.
-
-        :param rate: the rate at which velocities are sent [Hz]
-        """
+        """Return the number of equal time parts, each at most 1 / ``rate`` long."""
         if not self.duration:
             return 0
         return max(1, math.ceil(self.duration * rate * (1.0 - TIME_TOLERANCE)))
 
     def velocities(self, rate: float) -> list[Velocity]:
-        """
-        Return the velocities to send, one for each of the equal time parts of the path segment.
-
-        Each is the mean of the planned velocity in its time part.
-
-        :param rate: the rate at which velocities are sent [Hz]
-        """
+        """Return the velocities to send: the mean planned velocity in each tick."""
         if not self.duration:
             return []
         top, means = self.max_rate, self.profile.means(self.ticks(rate))
@@ -451,43 +314,24 @@ class ProfiledPath(TimedPath):
         return [cruising if mean >= top else self.segment.velocity(mean) for mean in means]
 
     def state_at(self, time: float) -> PathState:
-        """
-        Return the planned position, velocity and acceleration along the path segment at a time.
-
-        :param time: the time since the start of the segment [s]
-        """
+        """Return the planned position, velocity and acceleration along the path at a time."""
         return self.profile.state_at(time)
 
     def time_at(self, position: float) -> float:
-        """
-        Return the planned time at which a position is reached [s], found by bisection.
-
-        :param position: the position along the path segment [m or rad]
-        :returns: the time since the start of the segment [s]
-        """
+        """Return the planned time at which a position is reached [s], found by bisection."""
         return bisection(
             0.0, self.duration, lambda time: self.profile.state_at(time).position >= position,
             TIME_BISECTIONS)[1]
 
     def first_state(self, factor: float, velocity: float) -> PathState:  # noqa: ARG002
-        """
-        Return the position and the velocity at the start of the segment, which are both 0.
-
-        :param factor: not used
-        :param velocity: not used
-        """
+        """Return the position and the velocity at the start of the segment, which are both 0."""
         return PathState(0.0)
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
         """
-        Plan the rest of the path segment again for a new speed factor.
+        Plan the rest again to its end at rest; the factor multiplies the largest velocity.
 
-        The robot is at rest at the end of the new plan.
-
-        :param state: the current position, velocity and acceleration along the segment
-        :param factor: the speed factor, from 0 to 1.  The largest velocity along the segment is
-            multiplied by it; the limits of acceleration and jerk stay the same.  0 means a stop as
-            soon as possible
+        :param factor: 0 for a stop as soon as possible
         """
         return replan_to_rest(state, self.segment.distance, factor * self.max_rate, self.limits)
 

@@ -14,10 +14,9 @@
 """
 Plan a transition: the way from a line to an arc, or from an arc to another one, without a stop.
 
-The curvature of the path jumps where a line meets an arc, but the angular velocity of a robot
-cannot jump.  So the arcs are driven on slightly smaller circles.  This leaves a gap between a
-circle and its neighbour, and the transition bridges the gap: the linear velocity is constant, and
-the angular velocity changes along one ramp.
+The curvature jumps there, but an angular velocity cannot.  So the arcs are driven on slightly
+smaller circles, and the transition bridges the gap: at a constant linear velocity, the angular
+velocity changes along one ramp.
 """
 
 from __future__ import annotations
@@ -54,14 +53,10 @@ REMEMBERED = 4096
 
 class Circle(NamedTuple):
     """
-    A line or a circle of the path, seen from the point where it meets its neighbour.
+    A line or a circle, seen from where it meets its neighbour: x in the driving direction.
 
-    The x axis points in the driving direction at this point, and the y axis to the left of it.
-
-    :param curvature: the heading change for each driven metre [rad/m], positive to the left; 0 for
-        a line.  The line is the x axis
-    :param x: the position of the centre [m]
-    :param y: the position of the centre [m]
+    :param curvature: heading change for each driven metre [rad/m], positive to the left; 0 for a
+        line
     """
 
     curvature: float
@@ -71,13 +66,9 @@ class Circle(NamedTuple):
 
 class Replaced(NamedTuple):
     """
-    How much of the two neighbours a transition replaces.
+    How much of the two neighbours a transition replaces; negative if one becomes longer.
 
-    A value is negative if the neighbour becomes longer.
-
-    :param before: the replaced part of the first neighbour: a length [m] of a line, or an angle
-        [rad] of an arc
-    :param after: the replaced part of the second neighbour, likewise
+    :param before: a length [m] of a line, or an angle [rad] of an arc
     """
 
     before: float
@@ -89,12 +80,8 @@ class Bend:
     """
     The form of a transition: which curves it connects, and how the angular velocity changes in it.
 
-    :param one: the line or circle before the transition
-    :param two: the line or circle after the transition
     :param easing: the part of the duration in which the angular acceleration rises, and in which
         it falls again, from 0 to 1/2
-    :param rate: the rate of the plan [Hz]
-    :param least: the least number of arcs of the chain
     """
 
     one: Circle
@@ -104,15 +91,7 @@ class Bend:
     least: int = 1
 
     def gap(self, speed: float, duration: float, count: int) -> float:
-        """
-        Return by how much a chain bridges more than the gap between the two curves [m].
-
-        See formula (27) of docs/theory.md.
-
-        :param speed: the linear velocity [m/s]
-        :param duration: the duration of the chain [s]
-        :param count: the number of arcs of the chain
-        """
+        """Return by how much a chain bridges more than the gap [m]: (27) of docs/theory.md."""
         x, y, angle = self._chain(speed, duration, count)
         one, two = self.one, self.two
         if not one.curvature:
@@ -127,15 +106,7 @@ class Bend:
         return between - wanted if one.curvature * two.curvature < 0.0 else wanted - between
 
     def replaced(self, speed: float, duration: float, count: int) -> Replaced:
-        """
-        Return how much of the two neighbours a chain replaces.
-
-        See formula (28) of docs/theory.md.
-
-        :param speed: the linear velocity [m/s]
-        :param duration: the duration of the chain, with which it bridges the gap [s]
-        :param count: the number of arcs of the chain
-        """
+        """Return how much of the two neighbours a chain replaces: (28) of docs/theory.md."""
         x, y, angle = self._chain(speed, duration, count)
         one, two = self.one, self.two
         if not one.curvature:
@@ -154,9 +125,7 @@ class Bend:
         """
         Return the duration with which the transition bridges the gap [s], and the number of arcs.
 
-        :param speed: the linear velocity [m/s]
-        :param count: the number of arcs; None for the least number that the rate of the plan
-            allows
+        :param count: None for the least number that the rate of the plan allows
         :returns: None if there is no such duration
         """
         change = abs(self.two.curvature - self.one.curvature)
@@ -216,12 +185,9 @@ class Transition(NamedTuple):
     """
     A transition that the robot can drive without a stop.
 
-    :param bend: its form
     :param speed: the largest linear velocity [m/s]; each lower one is possible too
-    :param spare: by which factor the transition takes longer than the angular limits need
-    :param length: its length [m]
     :param before: the largest length of the first neighbour that it replaces at any speed [m]
-    :param after: the largest length of the second neighbour that it replaces at any speed [m]
+    :param after: the same of the second neighbour [m]
     """
 
     bend: Bend
@@ -237,10 +203,8 @@ def transition_path(
     """
     Return the path of a transition, and how much of its neighbours it replaces.
 
-    :param bend: the form of the transition
     :param speed: the linear velocity [m/s], at most that of the transition
     :param direction: 1 forwards, -1 backwards
-    :param limits: the limits of the robot
     """
     found = bend.duration(speed)
     assert found is not None
@@ -259,7 +223,6 @@ def turn_ramp(change: float, limits: Axis, jerk: float, rate: float) -> Ramp:
     :param change: the change of the angular velocity [rad/s], not negative
     :param limits: the limits of the angular acceleration; the smaller one counts
     :param jerk: the limit of the angular jerk [rad/s^3]
-    :param rate: the rate of the plan [Hz]
     """
     quickest = ramp(change, min(limits), jerk)
     if jerk == math.inf or not change:
@@ -287,12 +250,8 @@ def plan_transition(
     """
     Return the fastest transition between two curves.
 
-    :param one: the line or circle before the transition
-    :param two: the line or circle after the transition, with another curvature
     :param speed: the largest linear velocity that is useful [m/s]
-    :param limits: the limits of the angular acceleration
     :param jerk: the limit of the angular jerk [rad/s^3]
-    :param rate: the rate of the plan [Hz]
     :param most: estimate the transition with at most this number of arcs; None for the exact one
     :returns: None if no gap is left between the curves
     """
@@ -340,10 +299,9 @@ def plan_transition(
 
 def _rounding(one: Circle, two: Circle) -> float:
     """
-    Return by how much rounding may change what a transition between two curves replaces [m].
+    Return by how much rounding may change what a transition replaces [m].
 
-    The nearer the centres of two circles are to each other, the less exact is the direction from
-    one to the other.
+    The nearer two centres are, the less exact is the direction from one to the other.
     """
     between = math.hypot(two.x - one.x, two.y - one.y)
     if not (one.curvature and two.curvature and between):
@@ -353,12 +311,7 @@ def _rounding(one: Circle, two: Circle) -> float:
 
 @lru_cache(REMEMBERED)
 def _means(easing: float, count: int) -> tuple[float, ...]:
-    """
-    Return the mean of a ramp from 0 to 1 in each of several equal time parts.
-
-    :param easing: the part of the duration in which the slope rises, and in which it falls again
-    :param count: the number of parts
-    """
+    """Return the mean of a ramp from 0 to 1 in each of several equal time parts."""
     means = Ramp(1.0, 1.0 / (1.0 - easing), easing, 1.0).means(1.0 / count, count)
     half = count // 2
     middle = (0.5,) if count % 2 else ()

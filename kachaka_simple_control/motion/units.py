@@ -37,11 +37,7 @@ MINUS = '\u2212'
 
 
 class UnitError(ValueError):
-    """
-    The error for a text that is not a quantity of the expected kind, such as a length.
-
-    The message says what to write instead.
-    """
+    """A text is not a quantity of the expected kind; the message says what to write instead."""
 
 
 class SignRule(Enum):
@@ -57,14 +53,10 @@ class Quantity:
     """
     A kind of quantity, such as a length, with the units in which users may write it.
 
-    :param name: the name of the quantity with an article, as in ``a length``
-    :param units: a mapping from each allowed unit to its size in the SI unit, the SI unit first.
-        A size is given as a numerator and a denominator, as in ``{'m': (1, 1), 'cm': (1, 100)}``
-    :param example: an example of a valid text
-    :param sign: the allowed signs
+    :param units: from each unit to its size in the SI unit, which comes first, as numerator and
+        denominator: ``{'m': (1, 1), 'cm': (1, 100)}``
     :param largest: the largest value allowed in a text [SI unit]
-    :param needs_unit: whether a text must have a unit.  An angle needs a unit, because a user who
-        writes ``turn: 90`` means degrees, but the SI unit is the radian
+    :param needs_unit: whether a text must have one, as an angle: ``turn: 90`` means degrees
     """
 
     name: str
@@ -83,31 +75,19 @@ class Quantity:
 
     @property
     def keyword(self) -> str:
-        """
-        Return the name of the quantity without its article, as in ``length``.
-
-        The JSON Schemas use this name for the quantity.
-        """
+        """Return the name of the quantity without its article, as in ``length``."""
         return self.name.split(' ', 1)[1]
 
     @property
     def pattern(self) -> str:
-        """
-        Return a regular expression that matches a number with an allowed unit, as in ``0.5 m``.
-
-        It is valid in Python and in ECMAScript, which JSON Schema uses.
-        """
+        """Return a regular expression, valid in ECMAScript, of a number with a unit."""
         units = '|'.join(unit.replace('^', r'\^') for unit in self.units)
         sign = f'[{"-" if self.sign is SignRule.ANY else ""}+]?'
         return f'^{sign}{DIGITS} *({units}){"" if self.needs_unit else "?"}$'
 
     @property
     def wanted(self) -> str:
-        """
-        Return a text that tells the user how to write the quantity, for error messages.
-
-        It contains an example and the allowed units.
-        """
+        """Return how to write the quantity, with an example and the allowed units."""
         *others, last = self.units
         units = f'{", ".join(others)} or {last}' if others else last
         return f'{self.name}, as in {self.example} (in {units})'
@@ -116,8 +96,6 @@ class Quantity:
         """
         Convert a text, such as ``20 cm``, to a number in the SI unit.
 
-        :param text: a number and a unit.  A number without a unit is in the SI unit, but is an
-            error if ``needs_unit`` is true
         :raises UnitError: if the text is not a valid quantity of this kind
         """
         match = _PARTS.fullmatch(text)
@@ -134,13 +112,7 @@ class Quantity:
         return value
 
     def without_unit(self, number: object) -> str:
-        """
-        Return the error message for a number that must have a unit, but has none.
-
-        The message says what to write instead.
-
-        :param number: the number
-        """
+        """Return the message for a number that must have a unit, but has none."""
         second, first, *_ = self.units
         meant = [text for text in (f'{number} {first}', f'{number} {second}') if self._takes(text)]
         return f'{number} has no unit; {self.name} needs one: ' + (
@@ -154,14 +126,7 @@ class Quantity:
         return True
 
     def require(self, name: str, value: object) -> None:
-        """
-        Raise an error for a value that is not a finite number with an allowed sign.
-
-        :param name: the name of the value, for the message
-        :param value: the value [SI unit]
-        :raises InvalidMotionError: if the value is not a finite number, or has a sign that is not
-            allowed
-        """
+        """Check that a value [SI unit] is a finite number with an allowed sign."""
         number = require_finite(name, value, self.unit)
         if self.sign is SignRule.NOT_NEGATIVE and number < 0.0:
             raise InvalidMotionError(f'{value} {self.unit}; it must not be negative', name=name)
@@ -192,23 +157,13 @@ class Quantity:
 
 
 def point_advice(text: str) -> str | None:
-    """
-    Return the advice to write a decimal point, for a number with a decimal comma.
-
-    :param text: the text of the user, as in ``0,5 m``
-    :returns: the advice; None if the text does not begin with a number with a decimal comma
-    """
+    """Return the advice to write a decimal point instead of a comma; None if there is none."""
     plain = _with_point(text)
     return None if plain == text else f'write {quoted(plain)}, with a point'
 
 
 def sign_advice(text: str) -> str | None:
-    """
-    Return the advice for a full-width number, a decimal comma or the minus sign U+2212.
-
-    :param text: the text of the user, as in ``0,5 m``
-    :returns: the advice; None if the text has no such sign
-    """
+    """Return the advice for a full-width number, a comma or the minus sign U+2212; or None."""
     if (plain := narrowed(text)) != text:
         plain = _with_point(plain.replace(MINUS, '-'))
         return f'full-width: write {quoted(plain)}'
@@ -228,7 +183,6 @@ def number_advice(text: str, unit: str = '') -> str:
     """
     Return what to write instead of a text that is not a plain number.
 
-    :param text: the text of the user, as in ``0,5`` or ``50 Hz``
     :param unit: the unit of the number; empty for a ratio
     """
     number = text.strip().removesuffix(unit).rstrip()
@@ -247,7 +201,6 @@ def parse_number(text: str, unit: str = '') -> float:
     """
     Convert a text, such as ``50`` or ``50 Hz``, to a number.
 
-    :param text: a number, which may be followed by its unit
     :param unit: the unit of the number; empty for a ratio
     :raises UnitError: if the text is not such a number
     """
@@ -294,13 +247,8 @@ QUANTITIES = {quantity.keyword: quantity for quantity in (
 
 def require_number(name: str, value: object, unit: str) -> float:
     """
-    Return a value as a float, or raise an error if it is not a number.
+    Return a value as a float; a bool is no number, an integer too large becomes infinite.
 
-    An integer too large for a float becomes infinite.  A bool is not a number.
-
-    :param name: the name of the value, for the message
-    :param value: the value
-    :param unit: the unit of the value, for the message
     :raises InvalidMotionError: if the value is not a number
     """
     # bool is a Real in Python, and move_robot(True, ...) is a mistake.
@@ -316,9 +264,6 @@ def require_finite(name: str, value: object, unit: str) -> float:
     """
     Return a value as a finite float, or raise an error.
 
-    :param name: the name of the value, for the message
-    :param value: the value
-    :param unit: the unit of the value, for the message
     :raises InvalidMotionError: if the value is not a number, or not finite
     """
     number = require_number(name, value, unit)
@@ -330,14 +275,10 @@ def require_finite(name: str, value: object, unit: str) -> float:
 def require_between(
         name: str, value: float, lowest: float, highest: float, unit: str = '') -> None:
     """
-    Raise an error for a value that is not a number within a range.
+    Check that a value is a number within a range.
 
-    :param name: the name of the value, for the message
-    :param value: the value
-    :param lowest: the lowest value allowed
-    :param highest: the highest value allowed
-    :param unit: the unit of the value and of the range; empty for a ratio
-    :raises InvalidMotionError: if the value is outside the range or not a number
+    :param unit: of the value and of the range; empty for a ratio
+    :raises InvalidMotionError: if it is not
     """
     require_finite(name, value, unit)
     unit = unit and f' {unit}'
@@ -348,12 +289,9 @@ def require_between(
 
 def require_positive(name: str, value: object, unit: str) -> None:
     """
-    Raise an error for a value that is not above zero; infinity is allowed.
+    Check that a value is a number above zero, which may be infinite.
 
-    :param name: the name of the value, for the message
-    :param value: the value
-    :param unit: the unit of the value, for the message
-    :raises InvalidMotionError: if the value is not a number above zero
+    :raises InvalidMotionError: if it is not
     """
     # Written so that NaN fails.
     if not require_number(name, value, unit) > 0.0:
@@ -361,11 +299,5 @@ def require_positive(name: str, value: object, unit: str) -> None:
 
 
 def format_number(value: float) -> str:
-    """
-    Return a number as text with at most five significant digits.
-
-    Examples: 0.5 instead of 0.500, and 0 instead of -0.
-
-    :param value: the number
-    """
+    """Return a number with at most five significant digits, as in 0.5, and 0 instead of -0."""
     return f'{value + 0.0:.5g}'

@@ -14,12 +14,8 @@
 """
 S-curves: the fastest velocities along a path under limits of velocity, acceleration and jerk.
 
-``time_optimal_profile()`` plans a path from rest to rest.
-
-The unit u of a path is the metre, or the radian for a turn in place.  For a step that holds a
-velocity for a time, u is the second, and a position is the planned time since the start of the
-path.  In comments, a number in round brackets, such as (2), is the number of a formula in
-docs/theory.md.
+The unit u is that of the path segment: m, or rad for a turn in place.  Numbers in brackets, such
+as (2), are those of formulas in docs/theory.md.
 """
 
 from __future__ import annotations
@@ -33,18 +29,7 @@ from kachaka_simple_control.errors import InvalidMotionError
 
 
 class PathState(NamedTuple):
-    """
-    Position, velocity and acceleration along a path.
-
-    The unit u of the path is the metre, or the radian for a turn in place.  For a step that holds
-    a velocity for a time, u is the second.  The position is then the planned time since the start
-    of the path.  The velocity is the planned time that passes in each second: 1 as planned, and
-    0.5 if the motion is slowed down to half its speed.
-
-    :param position: the distance from the start of the path [u]
-    :param velocity: the velocity along the path [u/s], not negative
-    :param acceleration: the acceleration along the path [u/s^2]
-    """
+    """Position, velocity and acceleration along a path [u, u/s, u/s^2]."""
 
     position: float
     velocity: float = 0.0
@@ -52,18 +37,7 @@ class PathState(NamedTuple):
 
 
 class PathLimits(NamedTuple):
-    """
-    The limits along a path segment; each is positive or infinite.
-
-    The unit u of the segment is the metre, or the radian for a turn in place.  For a step that
-    holds a velocity for a time, u is the second, and the velocity is the planned time that passes
-    in each second.
-
-    :param velocity: largest velocity [u/s]
-    :param acceleration: largest acceleration [u/s^2]
-    :param deceleration: largest deceleration [u/s^2]
-    :param jerk: largest jerk [u/s^3]
-    """
+    """The limits along a path segment [u/s, u/s^2, u/s^2, u/s^3]; each is positive or infinite."""
 
     velocity: float
     acceleration: float
@@ -76,14 +50,10 @@ class Ramp:
     """
     A rise of the velocity from rest to a given velocity.
 
-    The acceleration rises to its largest value, stays there for a time that can be zero, and falls
-    to zero.  The unit u is m or rad.
+    The acceleration rises, stays for a time that can be zero, and falls to zero.
 
-    :param velocity: the velocity at the end [u/s]
     :param acceleration: the largest acceleration [u/s^2]; 0 if the duration is 0
-    :param easing: the time in which the acceleration rises, and also the time in which it falls
-        [s]
-    :param duration: the duration of the whole ramp [s]
+    :param easing: how long the acceleration rises, and also how long it falls [s]
     """
 
     velocity: float
@@ -93,21 +63,11 @@ class Ramp:
 
     @property
     def distance(self) -> float:
-        """
-        Return the distance that is covered during the velocity ramp [m or rad].
-
-        See formula (2) of docs/theory.md.
-        """
+        """Return the distance that is covered during the ramp [u]: (2)."""
         return self.velocity * self.duration / 2.0
 
     def state_at(self, time: float) -> PathState:
-        """
-        Return the position, velocity and acceleration at a time of the velocity ramp.
-
-        See formulas (3) and (4) of docs/theory.md.
-
-        :param time: the time since the start of the ramp [s], from 0 to the duration
-        """
+        """Return the state at a time from 0 to the duration [s]: (3) and (4)."""
         easing, acceleration, position = self.easing, self.acceleration, self.position_at(time)
         if time < easing:
             return PathState(
@@ -121,13 +81,7 @@ class Ramp:
         return PathState(position, acceleration * (time - easing / 2.0), acceleration)
 
     def position_at(self, time: float) -> float:
-        """
-        Return the distance driven at a time of the velocity ramp [m or rad].
-
-        See formula (3) of docs/theory.md.
-
-        :param time: the time since the start of the ramp [s], from 0 to the duration
-        """
+        """Return the distance driven at a time from 0 to the duration [s]: (3)."""
         easing, acceleration = self.easing, self.acceleration
         if time < easing:
             return acceleration * time * time * time / (6.0 * easing)
@@ -140,13 +94,9 @@ class Ramp:
 
     def means(self, part: float, count: int) -> list[float]:
         """
-        Return the mean velocity in each of several equal time parts of a ramp [m/s or rad/s].
+        Return the mean velocity in each of some equal time parts, which lie within the ramp [u/s].
 
-        The ramp is a rise of the velocity from rest.
-
-        :param part: the duration of each part [s]; the first part starts with the ramp
-        :param count: the number of parts; together they must not be longer than the ramp, except
-            for rounding
+        :param part: the duration of each part [s]
         """
         times = [index * part for index in range(count + 1)]
         times[-1] = min(times[-1], self.duration)
@@ -158,12 +108,8 @@ def ramp(velocity: float, acceleration: float, jerk: float) -> Ramp:
     """
     Return the fastest rise of the velocity from rest to a given velocity.
 
-    If ``acceleration`` and ``jerk`` are both infinite, the duration of the rise is 0.  The unit u
-    is m or rad.
-
-    :param velocity: the velocity at the end [u/s], finite, not negative
-    :param acceleration: the largest acceleration [u/s^2], positive; may be infinite
-    :param jerk: the largest rate of change of the acceleration [u/s^3], positive; may be infinite
+    :param acceleration: the largest one [u/s^2]; may be infinite
+    :param jerk: the largest one [u/s^3]; may be infinite; without both, the rise takes no time
     """
     peak = min(acceleration, math.sqrt(velocity * jerk) if velocity else 0.0)  # (2)
     if peak in (0.0, math.inf):
@@ -177,12 +123,9 @@ class VelocityProfile:
     """
     The velocity over time from rest to rest: a ramp up, a constant velocity, and a ramp down.
 
-    The two ramps can differ.  The velocity is zero before and after the profile.  If some
-    limits are infinite, the velocity can jump.  At the time of a jump, ``state_at()`` returns the
-    velocity after the jump.  The unit u is m or rad.
+    If some limits are infinite, the velocity can jump; ``state_at()`` returns the one after it.
 
     :param distance: the distance that is covered [u], not negative
-    :param rise: the ramp up
     :param cruise: the duration of the part with constant velocity [s]
     :param fall: the ramp down in reverse time order, so that it is a ramp up from rest
     """
@@ -203,14 +146,7 @@ class VelocityProfile:
         return self.rise.duration + self.cruise + self.fall.duration
 
     def state_at(self, time: float) -> PathState:
-        """
-        Return the position, velocity and acceleration at a time of the velocity profile.
-
-        See formula (5) of docs/theory.md.
-
-        :param time: the time since the start of the profile [s].  It can be negative, and it can
-            be after the end of the profile
-        """
+        """Return the state at any time since the start of the profile [s]: (5)."""
         left = self.duration - time
         if time < 0.0 or left <= 0.0:
             return PathState(0.0 if time < 0.0 else self.distance)
@@ -224,12 +160,9 @@ class VelocityProfile:
 
     def means(self, count: int) -> list[float]:
         """
-        Return the mean velocity in each of several equal time parts of the velocity profile.
+        Return the mean velocity in each of some equal time parts [u/s]: (11) and (12).
 
-        :param count: the number of parts, 1 or more
-        :returns: the mean velocities [m/s or rad/s].  They keep the limits of velocity,
-            acceleration and jerk.  Their sum times the duration of one part is the distance of the
-            profile.  See formulas (11) and (12) of docs/theory.md
+        They keep all limits, and their sum times the duration of a part is the distance.
         """
         part = self.duration / count
         rise, fall = self.rise.duration / part, self.fall.duration / part
@@ -249,14 +182,7 @@ class VelocityProfile:
         return [min(mean, self.velocity) for mean in means]
 
     def _mean(self, start: float, part: float) -> float:
-        """
-        Return the mean velocity in one time part of the velocity profile [m/s or rad/s].
-
-        See formula (11) of docs/theory.md.
-
-        :param start: the start of the time part, since the start of the profile [s]
-        :param part: the duration of the time part [s]
-        """
+        """Return the mean velocity in one time part [u/s]: (11)."""
         times = (start, start + part)
         rise, fall, top = self.rise, self.fall, self.rise.duration
         up = [rise.state_at(min(time, top)).position for time in times]
@@ -270,18 +196,11 @@ def time_optimal_profile(
         distance: float, velocity: float, acceleration: float = math.inf,
         deceleration: float = math.inf, jerk: float = math.inf) -> VelocityProfile:
     """
-    Return the fastest velocity profile that covers a distance from rest to rest.
+    Return the fastest velocity profile that covers a distance [u] from rest to rest.
 
-    Each limit is positive and may be infinite.  The unit u is m or rad.
-
-    :param distance: the distance [u], finite, not negative
-    :param velocity: the largest velocity [u/s]
-    :param acceleration: the largest acceleration [u/s^2]
-    :param deceleration: the largest deceleration [u/s^2]
+    :param acceleration: [u/s^2], as the deceleration; any limit may be infinite
     :param jerk: the largest rate of change of acceleration and deceleration [u/s^3]
-    :returns: the profile; if the distance is 0, its duration is 0
-    :raises InvalidMotionError: if all four limits are infinite, because the profile would take no
-        time
+    :raises InvalidMotionError: if all four limits are infinite: the profile would take no time
     """
     peak = min(velocity, _unlimited_peak(distance, acceleration, deceleration, jerk))
     if peak == math.inf:
@@ -295,16 +214,9 @@ def time_optimal_profile(
 def _unlimited_peak(
         distance: float, acceleration: float, deceleration: float, jerk: float) -> float:
     """
-    Return the peak velocity when a distance is driven as fast as possible, from rest to rest.
+    Return the peak velocity over a distance from rest to rest without a limit of its own.
 
-    The velocity itself has no limit.  See formulas (6) to (10) of docs/theory.md.  The unit u is m
-    or rad.
-
-    :param distance: the distance [u]
-    :param acceleration: the largest acceleration [u/s^2]
-    :param deceleration: the largest deceleration [u/s^2]
-    :param jerk: the largest rate of change of acceleration and deceleration [u/s^3]
-    :returns: the peak velocity [u/s]; infinite if all three limits are infinite
+    See (6) to (10); infinite if all three limits are infinite.
     """
     if jerk == math.inf:
         slowness = 1.0 / acceleration + 1.0 / deceleration

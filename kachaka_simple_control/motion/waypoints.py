@@ -71,21 +71,12 @@ class Goto(Step):
     speed: float | None = field(default=None, metadata=SPEED)
 
     def __post_init__(self) -> None:
-        """
-        Raise an error for an invalid value, and keep the point as a pair of floats.
-
-        :raises InvalidMotionError: if a value is not a finite number or has the wrong sign
-        """
+        """Check each value, and keep the point as a pair of floats."""
         super().__post_init__()
         object.__setattr__(self, 'point', as_point('point', self.point))
 
     def placed(self, pose: Pose, refuse: Refuse) -> tuple[list[PlacedStep], Pose]:
-        """
-        Return the turns and the leg to the point, and the pose at their end.
-
-        :param pose: the pose at the start of the step, seen from the start of the motion
-        :param refuse: a function to call if the robot is at the point already
-        """
+        """Return the turns and the leg to the point; refuse if the robot is there already."""
         return _to_points((('point', self.point),), self.heading, self.speed, pose, refuse)
 
     def path(self) -> tuple[PathSegment, ...]:
@@ -126,22 +117,12 @@ class Waypoints(Step):
         'a stop.  Left out: as the motion says.', '10 cm'))
 
     def __post_init__(self) -> None:
-        """
-        Raise an error for an invalid value, and keep the points as pairs of floats.
-
-        :raises InvalidMotionError: if a value is not a finite number or has the wrong sign, or if
-            there is no point
-        """
+        """Check each value, and keep the points as pairs of floats."""
         object.__setattr__(self, 'points', as_points('points', self.points))
         super().__post_init__()
 
     def placed(self, pose: Pose, refuse: Refuse) -> tuple[list[PlacedStep], Pose]:
-        """
-        Return the turns and the legs to the points, and the pose at their end.
-
-        :param pose: the pose at the start of the step, seen from the start of the motion
-        :param refuse: a function to call for each point where the robot is already
-        """
+        """Return the turns and legs to the points; refuse one where the robot is already."""
         points = tuple((f'points[{index}]', point) for index, point in enumerate(self.points))
         return _to_points(points, self.heading, self.speed, pose, refuse)
 
@@ -161,15 +142,7 @@ class Waypoints(Step):
 def _to_points(
         points: tuple[tuple[str, Point], ...], heading: float | None, speed: float | None,
         pose: Pose, refuse: Refuse) -> tuple[list[PlacedStep], Pose]:
-    """
-    Return the turns and legs that drive to points, and the pose at their end.
-
-    :param points: each point with the name of its field, seen from the start of the motion [m]
-    :param heading: the heading at the end [rad]; None to keep that of the last leg
-    :param speed: the largest velocity along the legs [m/s]; None for no other limit
-    :param pose: the pose at the start
-    :param refuse: a function to call for each point that cannot be driven to
-    """
+    """Return the turns and legs that drive to points, and the pose at their end."""
     steps: list[PlacedStep] = []
 
     def turn(name: str, end: float) -> None:

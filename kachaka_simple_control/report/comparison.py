@@ -14,8 +14,7 @@
 """
 Compare several drives of the same motion by the poses at which they ended.
 
-A drive is one run of the robot.  The comparison shows the accuracy and the repeatability of the
-end pose.
+The comparison shows the accuracy and the repeatability of the end pose.
 """
 
 from __future__ import annotations
@@ -60,8 +59,6 @@ class End(NamedTuple):
     """
     The pose of the robot at the end of a motion, or the difference of two such poses.
 
-    :param x: the x coordinate in the frame of the start pose [m]
-    :param y: the y coordinate in the frame of the start pose [m]
     :param heading: the heading relative to the start pose [rad], positive to the left
     """
 
@@ -79,7 +76,6 @@ class DriveEnd:
     :param motions: the names of the motions that the robot drove, in order
     :param planned: the planned end pose
     :param error: the end pose from odometry minus the planned end pose
-    :param late: the number of planned velocity messages that were not sent on time
     :param paths: two paths as lists of points [m], with the keys ``planned`` and ``odometry``
     :param began: the time at which the drive began, as text; None if the report has none
     :param title: the title of the report; None if it has none
@@ -95,11 +91,7 @@ class DriveEnd:
     title: str | None
 
     def is_copy_of(self, other: DriveEnd) -> bool:
-        """
-        Return whether two reports are of the same drive.
-
-        :param other: the drive in the other report
-        """
+        """Return whether two reports are of the same drive."""
         return self.began is not None and (
             self.began, self.title, self.error) == (other.began, other.title, other.error)
 
@@ -110,7 +102,6 @@ class Spread:
     The accuracy and the repeatability of the end poses of several drives of one motion.
 
     :param mean: the mean error; an error is an end pose from odometry minus the planned end pose
-    :param deviation: the standard deviation of the errors
     :param worst_distance: the largest distance of an end position from the mean end position [m]
     :param worst_angle: the largest difference of an end heading from the mean end heading [rad]
     """
@@ -125,9 +116,6 @@ def read_drive(directory: Path) -> DriveEnd:
     """
     Read from a report how a drive ended; a drive is one run of the robot.
 
-    :param directory: the directory of the report, which contains the file ``run.json``
-    :returns: the planned end pose, the error of the end pose (odometry minus plan), and two paths:
-        planned and from odometry
     :raises UsageError: if there is no valid report, if the drive was not completed, or if the
         report has no end pose from odometry
     """
@@ -168,8 +156,6 @@ def _drive_end(name: str, data: dict[str, Any]) -> DriveEnd:
     """
     Return the end pose and the paths of a drive from the data in its report.
 
-    :param name: the directory of the report
-    :param data: the content of the file ``run.json`` in this directory
     :raises UsageError: if the drive was not completed, or the report has no end pose from odometry
     """
     if data['verdict']['ending'] != 'done':
@@ -236,8 +222,6 @@ def spread(drives: Sequence[DriveEnd]) -> Spread:
     Return the accuracy and the repeatability of the end poses of several drives.
 
     :param drives: the ends of two or more drives of the same motion
-    :returns: the mean and the standard deviation of the errors of the end poses, and the largest
-        distance and angle between an end pose and the mean end pose
     """
     errors = [drive.error for drive in drives]
     mean, deviation = End(*map(fmean, zip(*errors))), End(*map(stdev, zip(*errors)))

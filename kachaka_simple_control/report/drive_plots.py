@@ -101,7 +101,6 @@ def draw_drive_plots(summary: Summary) -> DrivePlots:
 
     For example, the plot of odometry errors is left out if no odometry was received.
 
-    :param summary: the results of the drive, which is one run of the robot
     :returns: the plots as SVG elements, and the plot of the path also as a PNG file
     :raises UsageError: if matplotlib is missing
     """
@@ -151,11 +150,6 @@ def embed_svg(svg: str, name: str) -> str:
 
     The element fills the available width.  It has no XML namespaces, no metadata and no style
     sheet.  Its colours are CSS variables, so that the page can change them.
-
-    :param svg: the text of the SVG file
-    :param name: a prefix for the ids in the element, so that two plots on one page have no common
-        id
-    :returns: the text of the element
     """
     svg = svg[svg.index('<svg'):]
     svg = re.sub(r'<metadata>.*?</metadata>', '', svg, flags=re.DOTALL)
@@ -181,8 +175,6 @@ def draw_drive_velocities(figure: Figure, aligned: AlignedDrive, limits: Limits,
     lines show the limits, and shaded areas show pauses.
 
     :param figure: an empty figure; the function sets its size
-    :param aligned: the plans, the sent velocities and the odometry of the drive
-    :param limits: the velocity limits to draw
     :param pauses: the time intervals in which the robot was paused
     """
     rows = _rows(figure, BOTTOM + KEY)
@@ -254,10 +246,6 @@ def _rows(figure: Figure, bottom: float, width: float = WIDTH, row: float = ROW,
     """
     Set the size of a figure, and add the axes of two plots over time, one above the other.
 
-    :param bottom: the free space below the lower plot [inch]
-    :param width: the width of the figure [inch]
-    :param row: the height of each plot [inch]
-    :param gap: the space between the two plots [inch]
     :returns: the axes of the upper plot and of the lower plot
     """
     figure.set_size_inches(width, bottom + 2.0 * row + gap + TOP)
@@ -360,8 +348,6 @@ def save_calibration_plot(log: DriveLog, fit: CalibrationFit, path: Path) -> Non
     the sent velocities, expected from the fitted calibration, and reported by odometry.  If the
     fit is good, the line of odometry lies on the line of the fitted calibration.
 
-    :param log: the record of the calibration drive
-    :param fit: the result of the fit to this drive
     :param path: the path of the image file, as checked by ``check_plot_file``
     :raises UsageError: if matplotlib is missing, or the file cannot be written
     """

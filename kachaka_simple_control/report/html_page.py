@@ -74,7 +74,6 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
     """
     Return the report of a drive as the text of an HTML page.
 
-    :param summary: the results of the drive, which is one run of the robot
     :param plots: the plots as SVG elements; the key is the name of the plot
     :param no_plots: the reason why there are no plots; None if there are plots
     :param recording: the reason why the recording ``run.mcap`` is missing or incomplete; None if
@@ -118,7 +117,6 @@ def _keep_units(page: str) -> str:
 
     HTML tags, style sheets, SVG elements and preformatted text do not change.
 
-    :param page: the text of an HTML page
     :returns: the changed page
     """
     return ''.join(part if index % 2 else _UNIT.sub('\\1\N{NO-BREAK SPACE}\\2', part)
@@ -145,8 +143,6 @@ def _ended(summary: Summary) -> tuple[str, str]:
     motions were completed, the reference pose is the planned end pose.  Otherwise, it is the pose
     that is expected from the sent velocities.  Without odometry, the first text is ``unknown``,
     and the second text gives the reason.
-
-    :param summary: the results of the drive
     """
     for error, goal in ((summary.error_from_plan, 'the planned end'),
                         (summary.error_from_sent, 'where it was sent')):
@@ -163,7 +159,6 @@ def _poses(summary: Summary) -> Iterator[tuple[str, tuple[str, str, str]]]:
     The pose "as sent" is the end pose of a robot that follows the sent velocities exactly.  An
     unknown number is shown as a hyphen.
 
-    :param summary: the results of the drive
     :returns: for each pose, its name, and a tuple of x [m], y [m] and heading [deg]
     """
     aligned = summary.aligned
@@ -185,7 +180,6 @@ def _silence(summary: Summary) -> tuple[float, float] | None:
 
     Odometry ended early if its last sample is more than 0.5 s before the last velocity message.
 
-    :param summary: the results of the drive
     :returns: the times of the last odometry sample and of the last message [s after the start of
         the first motion]; None if odometry did not end early, or if there is no odometry or no
         message
@@ -203,7 +197,6 @@ def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
 
     A table with more than 1000 rows keeps only its first 500 and its last 500 rows.
 
-    :param rows: all rows of the table
     :returns: for each row, a pair of its number and its content; if rows are left out, their place
         is taken by one pair of the count of these rows and None
     """
@@ -218,15 +211,12 @@ def _step_tables(summary: Summary) -> tuple[list[StepRow], list[StepRow]]:
     """
     Return the rows of a short and of a long table of the steps that the robot drove.
 
-    A step is a part of a motion, for example a turn.  If there are at most MAX_ROWS steps, the
-    short table shows all of them, and the long table is empty.
+    If there are at most MAX_ROWS steps, the short table shows all of them, and the long table is
+    empty.
 
     If there are more steps, the short table shows only the first and the last repetition of each
     step.  If it is then still too long, its middle is left out.  The long table shows all steps.
     If there are more than 1001 steps, it shows only the first 500 and the last 500.
-
-    :param summary: the results of the drive
-    :returns: the rows of the short table, and the rows of the long table
     """
     results = summary.steps
     keys = [(result.motion, repetition_key(result.log.planned), result.log.step,
@@ -262,8 +252,6 @@ def _description(summary: Summary) -> str:
     Return the description of the driven motions, if all of them have the same description.
 
     If the descriptions differ, or if no motion was planned, return an empty text.
-
-    :param summary: the results of the drive
     """
     descriptions = {motion.planned.motion.description for motion in summary.log.motions}
     return descriptions.pop() if len(descriptions) == 1 else ''

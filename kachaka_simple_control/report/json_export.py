@@ -49,7 +49,6 @@ def run_json(summary: Summary, recording: str | None) -> str:
     """
     Return the results of a drive as the text of a JSON file.
 
-    :param summary: the results of the drive, which is one run of the robot
     :param recording: the reason why the recording ``run.mcap`` is missing or incomplete; None if
         it is complete
     """
@@ -63,7 +62,6 @@ def fields(summary: Summary, recording: str | None) -> Fields:
     Most keys of quantities end with the unit, for example ``planned_s`` for a time in seconds.
     The keys of the robot's limits have no unit; these limits use metres, radians and seconds.
 
-    :param summary: the results of the drive, which is one run of the robot
     :param recording: the reason why the recording ``run.mcap`` is missing or incomplete; None if
         it is complete
     :returns: the results; an unknown value is None, infinite or NaN
@@ -110,8 +108,6 @@ def start_datetime(summary: Summary) -> datetime | None:
     Return the date and time at which the first motion of a drive started, in UTC.
 
     Return None if no motion started, or if the date is not known.
-
-    :param summary: the results of the drive
     """
     session, began = summary.log.session_started, summary.aligned.start_time
     if session is None or not math.isfinite(session.epoch + began):
@@ -135,9 +131,6 @@ def _path(summary: Summary) -> Fields:
     Return the planned path and the odometry path of a drive as lists of points [m].
 
     Each path has at most 500 points, which are enough to plot it.
-
-    :param summary: the results of the drive
-    :returns: the two paths, with the keys ``planned`` and ``odometry``
     """
     lines = path_lines(summary.aligned)
     return {name: [[round(value, 4) for value in point]
@@ -168,7 +161,6 @@ def _speed(summary: Summary) -> Fields:
     """
     Return the times at which a drive was paused or slower than planned, for a JSON file.
 
-    :param summary: the results of the drive
     :returns: a dictionary with the key ``speed``; empty if the whole drive had the planned speed.
         The value of ``speed`` is a dictionary with the total time of all pauses, and with a list
         of time intervals in which the speed relative to the plan was constant

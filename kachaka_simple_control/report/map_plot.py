@@ -102,8 +102,6 @@ def extent(points: Iterable[Point], flattest: float, tallest: float) -> Area:
     Return a rectangular area [m] that contains all given points, with a margin around them.
 
     :param points: the points [m]; points with an infinite or NaN coordinate are ignored
-    :param flattest: the smallest allowed ratio of the area's height to its width
-    :param tallest: the largest allowed ratio of the area's height to its width
     """
     xs, ys = zip(*(point for point in points if math.isfinite(point[0] + point[1])))
     free = 1.0 + 2.0 * MAP_MARGIN
@@ -118,7 +116,6 @@ def set_map_limits(axes: Axes, area: Area, tick_distance: float) -> None:
     """
     Set the area that a map shows, and use the same distance between grid lines in x and y.
 
-    :param axes: the axes of the map
     :param area: the area to show [m]
     :param tick_distance: the smallest allowed distance between two grid lines [m]; it is rounded
         up to 1, 2 or 5 times a power of ten
@@ -165,12 +162,10 @@ class StepPlace(NamedTuple):
     """
     A point on a path beside which the numbers of one or more steps are written.
 
-    A step is a part of a motion, for example a turn.  The point is the middle of the longest
-    segment of the step's path.  Steps with nearly the same middle share one point.
+    The point is the middle of the longest segment of the step's path.  Steps with nearly the same
+    middle share one point.
 
     :param numbers: the numbers of the steps, in order
-    :param x: the x coordinate of the point [m]
-    :param y: the y coordinate of the point [m]
     :param side: the direction from the point to the numbers [rad]: to the outside of a curve, or
         to the right of a straight line
     """
@@ -199,10 +194,9 @@ def step_places(
     """
     Return the points on a path beside which the numbers of the steps are written.
 
-    A step is a part of a motion, for example a turn.  Its point is the middle of the longest
-    segment of its path.  Steps with nearly the same point share one point.
+    Its point is the middle of the longest segment of its path.  Steps with nearly the same point
+    share one point.
 
-    :param steps: for each step, its number and the segments of its path
     :param grain: the approximate distance [m]; two points that are closer become one point
     """
     places: dict[tuple[int, int], StepPlace] = {}
@@ -256,24 +250,15 @@ def draw_directions(axes: Axes, segments: Iterable[PathPart], grain: float, colo
 
     At most 16 arrow heads are drawn.  A segment in which the robot turns in place has none.
 
-    :param axes: the axes of a map
-    :param segments: the parts of the path
     :param grain: the approximate distance [m]; two arrow heads that are closer and have the same
         direction are drawn as one
-    :param colour: the colour of the arrow heads
     """
     middles = (segment.middle for segment in segments if segment.distance)
     draw_arrows(axes, distinct(middles, grain, MAX_MARKS), colour)
 
 
 def draw_arrows(axes: Axes, poses: Sequence[Pose], colour: str) -> None:
-    """
-    Draw an arrow head at each of the given poses.
-
-    :param axes: the axes of a map
-    :param poses: the positions and the directions of the arrow heads
-    :param colour: the colour of the arrow heads
-    """
+    """Draw an arrow head at each of the given poses."""
     from matplotlib.path import Path
     from matplotlib.transforms import Affine2D
 
@@ -292,7 +277,6 @@ def draw_drive_path(figure: Figure, aligned: AlignedDrive, footprint: Footprint 
     the direction of travel, and the robot at its start and at its end.
 
     :param figure: an empty figure
-    :param aligned: the plans, the sent velocities and the odometry of the drive
     :param footprint: the robot's outline, seen from above; None if it is not known
     """
     planned = _planned(aligned)
@@ -320,7 +304,6 @@ def path_lines(aligned: AlignedDrive) -> dict[str, list[Point]]:
 
     The sent path is the path of a robot that follows the sent velocities exactly.
 
-    :param aligned: the plans, the sent velocities and the odometry of the drive
     :returns: the points of each path, with the keys ``planned``, ``sent`` and ``odometry``; the
         sent path and the odometry path are missing if they are not known
     """
@@ -342,9 +325,6 @@ def _begun(aligned: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[li
     Yield the planned path of each step that the robot started.
 
     If no velocity was sent at all, yield the path of each planned step.
-
-    :param aligned: the plans and the sent velocities of the drive
-    :param planned: for each motion of the drive, the paths of its steps
     """
     for start, steps in zip(aligned.motion_starts, planned):
         if not aligned.sent:
@@ -362,8 +342,6 @@ def _sent_poses(aligned: AlignedDrive) -> Iterator[Pose]:
 
     Where the robot drives a curve, extra poses are added, so that lines between the poses look
     round.
-
-    :param aligned: the sent velocities of the drive
     """
     reckoning = aligned.dead_reckoning
     for (begin, end), (one, two) in zip(pairwise(reckoning.times), pairwise(reckoning.poses)):

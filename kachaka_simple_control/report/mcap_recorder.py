@@ -81,8 +81,6 @@ def definition(message_type: str) -> str:
 
     The text has the fields of the type, and then the definitions of all message types in these
     fields.
-
-    :param message_type: the full name of the type, for example ``nav_msgs/msg/Odometry``
     """
     first = message_type.replace('/msg/', '/')
     others = [name for name in _parts(first) if name != first]
@@ -112,13 +110,8 @@ class Topic:
     """
     A ROS topic in a recording, with the QoS settings of its publisher.
 
-    :param name: the full name of the topic, with namespace and remapping applied
-    :param message_type: the full name of the message type
-    :param depth: the history depth of the publisher
     :param reliability: the publisher's reliability policy, as the number that rosbag2 stores
     :param durability: the publisher's durability policy, as the number that rosbag2 stores
-    :param channel: the id of the topic in the MCAP file
-    :param count: the number of messages of the topic that were written to the file
     """
 
     name: str
@@ -162,7 +155,6 @@ def stamp(epoch: float, time: float) -> int:
     Two results with the same epoch have the correct difference to about 1 ns.
 
     :param epoch: the date and time at which the steady clock is zero [s since 1970]
-    :param time: the time [s on the steady clock]
     """
     # Each part is rounded separately, because a sum of floats would lose digits.
     return round(epoch * cdr.NANO) + round(time * cdr.NANO)
@@ -187,8 +179,6 @@ class McapRecorder:
 
     If an error occurs, the recording ends, but the error is not raised.  The attribute ``failure``
     then has the reason.
-
-    :param directory: the directory of ``run.mcap`` and ``metadata.yaml``
     """
 
     def __init__(self, directory: Path) -> None:

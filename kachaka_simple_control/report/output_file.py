@@ -34,8 +34,6 @@ def write_atomically(path: Path, data: bytes) -> None:
     """
     Write a file so that a reader sees either its old or its new content, and never a part of it.
 
-    :param path: the path of the file
-    :param data: the new content
     :raises OSError: if the file cannot be written; an old file of this name is unchanged
     """
     new = path.with_name(f'.{path.name}.new')
@@ -72,7 +70,6 @@ class CrashSafeFile:
         """
         Keep data in memory; the next ``flush`` writes them to the file.
 
-        :param data: the data
         :returns: the size of the data [bytes]
         """
         self._pending += data
@@ -136,7 +133,6 @@ def check_plot_file(file: str | os.PathLike[str]) -> Path:
 
     The function does not import matplotlib.
 
-    :param file: the path of the file
     :returns: the same path as an object of the class ``Path``
     :raises UsageError: if the suffix is not .png, .svg or .pdf, or the file cannot be written
     """
@@ -157,7 +153,6 @@ def save_figure(figure: Figure, path: Path) -> None:
     """
     Save a matplotlib figure as an image file.
 
-    :param figure: the figure
     :param path: the path of the file, as checked by ``check_plot_file``; the suffix of the file
         selects the image format
     :raises UsageError: if the file cannot be written

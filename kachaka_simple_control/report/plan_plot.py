@@ -90,8 +90,6 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     The map also shows the step numbers, the robot after each step, and the floor area that the
     motion needs.  If corners are cut, it also shows the legs between the corners.
 
-    :param axes: the axes of the map
-    :param view: the plan, with the robot's outline
     :param area: the area to show [m]; its ratio of width to height must be the ratio of the axes
     """
     from matplotlib.patches import Rectangle
@@ -118,11 +116,7 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
 
 
 def has_cut_corners(view: PlanView) -> bool:
-    """
-    Return whether the robot passes a corner of a plan without a stop.
-
-    :param view: the plan
-    """
+    """Return whether the robot passes a corner of a plan without a stop."""
     return any(corner.cut.deviation for corner in cut_corners(view.plan))
 
 
@@ -133,7 +127,6 @@ def _turns(segments: Sequence[PathPart]) -> list[ArcSegment]:
     If several turns have the same place, the same start heading and the same angle, only the first
     one is returned.
 
-    :param segments: all segments of a planned path
     :returns: the turns; an empty list if there are more than MAX_TURNS, which are too many to draw
     """
     kinds: dict[tuple[float, ...], ArcSegment] = {}

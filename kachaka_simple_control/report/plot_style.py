@@ -44,8 +44,6 @@ def velocity_steps(plan: Plan, attribute: str) -> list[StepPoint]:
     """
     Return the times at which a component of the planned velocity changes, and its new values.
 
-    :param plan: the plan of a motion
-    :param attribute: the name of the velocity component: ``linear_x`` or ``angular_z``
     :returns: pairs of a time [s] and a new value [m/s or rad/s], in order; the last pair is the
         end of the plan and the value 0
     """
@@ -62,8 +60,6 @@ class Band(NamedTuple):
     A line with very many points is drawn as a row of such bands.
 
     :param begin: the start of the interval [s]
-    :param lowest: the lowest value
-    :param highest: the highest value
     """
 
     begin: float
@@ -80,7 +76,6 @@ def min_max_decimate(points: Sequence[StepPoint], end: float, count: int) -> lis
     :param points: the line as pairs of a time [s] and a value, in order of time; each value is
         valid until the time of the next pair
     :param end: the end of the last interval [s]
-    :param count: the number of intervals
     :returns: a band for each interval; intervals before the first point and after the last point
         have none
     """
@@ -160,8 +155,6 @@ def draw_line(axes: Axes, points: Sequence[tuple[float, float]], **look: Any) ->
     """
     Draw a line through points.
 
-    :param axes: the axes of the plot
-    :param points: the x and y coordinates of the points
     :param look: the style of the line, such as its colour, as for ``Axes.plot`` of matplotlib
     """
     axes.plot([x for x, _ in points], [y for _, y in points], **look)
@@ -190,8 +183,6 @@ def default_style(svg_fonttype: str = 'path') -> Iterator[None]:
     """
     Use the default style of matplotlib in a ``with`` block, and ignore the user's own settings.
 
-    :param svg_fonttype: how an SVG file stores text: ``path`` for the outlines of the letters,
-        ``none`` for characters
     :raises UsageError: if matplotlib is missing
     """
     try:
@@ -217,7 +208,6 @@ def draw_figure(draw: Callable[[Figure], None], resolution: float | None = None)
 
     :param draw: a function that draws on the empty figure, and sets its size
     :param resolution: the resolution [pixels per inch]; None for the default of matplotlib
-    :returns: the figure
     :raises UsageError: if matplotlib is missing
     """
     with default_style():
@@ -240,12 +230,8 @@ def file_of(figure: Figure, suffix: str, resolution: float | None = None,
     """
     Convert a figure to the content of an image file.
 
-    :param figure: the figure
-    :param suffix: the suffix of the file, which selects the image format: .png, .svg or .pdf
     :param resolution: the resolution of a PNG file [pixels per inch]; None for the resolution of
         the figure
-    :param svg_fonttype: how an SVG file stores text: ``path`` for the outlines of the letters,
-        ``none`` for characters
     """
     data = io.BytesIO()
     with default_style(svg_fonttype):
@@ -273,16 +259,7 @@ MINUTES_FROM = 600.0
 
 @dataclass(frozen=True)
 class VelocityComponent:
-    """
-    How plots show one component of the velocity: the linear or the angular one.
-
-    :param attribute: the name of the component: ``linear_x`` or ``angular_z``
-    :param label: the label of the axis
-    :param unit: the unit of the component
-    :param colour: the colour of the line
-    :param limits: a function that takes the limits of a robot or motion, and returns the lowest
-        and the highest value of the component that they allow
-    """
+    """How plots show one component of the velocity: the linear or the angular one."""
 
     attribute: str
     label: str
@@ -320,11 +297,6 @@ def scale_for(component: VelocityComponent, values: Sequence[float], limits: Seq
 
     The range includes all values.  It includes a limit only if the limit is at most
     MAX_LIMIT_RATIO times the largest value, because a far limit would make the curve flat.
-
-    :param component: the velocity component
-    :param values: the values to show
-    :param limits: the limits of one or more motions or robots
-    :param duration: the time that the plot must show [s]
     """
     lowest, highest = min(values), max(values)
     largest = max(highest, -lowest)
@@ -345,7 +317,6 @@ def time_unit(duration: float) -> tuple[str, float]:
     """
     Choose the unit of a time axis: minutes if the axis is longer than 600 s, otherwise seconds.
 
-    :param duration: the length of the axis [s]
     :returns: the name of the unit, and the number of seconds in one unit
     """
     return ('min', 60.0) if duration > MINUTES_FROM else ('s', 1.0)
@@ -357,11 +328,6 @@ def draw_velocity(axes: Axes, view: PlanView, component: VelocityComponent, scal
 
     The plot also shows the limits of the component, and the times at which steps of the motion
     end.
-
-    :param axes: the axes of the plot
-    :param view: the plan, with its limits
-    :param component: the velocity component
-    :param scale: the range of values and the range of time that the plot shows
     """
     seconds = time_unit(scale.duration)[1]
     set_time_limits(axes, scale, component.label, [step.end for step in view.plan.steps])
@@ -376,9 +342,6 @@ def set_time_limits(axes: Axes, scale: Scale, label: str, ends: Sequence[float])
     """
     Set the ranges of a plot over time, and draw lines at value zero and at the ends of steps.
 
-    :param axes: the axes of the plot
-    :param scale: the range of values and the range of time that the plot shows
-    :param label: the label of the value axis
     :param ends: the times at which steps of a motion end [s]; if there are more than 60, no lines
         are drawn at these times
     """
@@ -400,8 +363,6 @@ def draw_limits(axes: Axes, component: VelocityComponent, limits: Limits) -> Non
     if it is finite.
 
     :param axes: the axes of the plot; the range of values must be set before
-    :param component: the velocity component
-    :param limits: the limits of a robot or motion
     """
     bottom, top = axes.get_ylim()
     below, above = component.limits(limits)

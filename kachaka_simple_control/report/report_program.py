@@ -69,8 +69,6 @@ def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
     matplotlib, or without a planned motion, there are no plots, and ``report.html`` gives the
     reason.
 
-    :param log: the record of the drive, which is one run of the robot
-    :param directory: an existing directory
     :param recording: the reason why the recording ``run.mcap`` is missing or incomplete, as a
         sentence; None if it is complete
     :raises OSError: if the directory cannot be written to
@@ -99,7 +97,6 @@ def _plots(summary: Summary) -> tuple[DrivePlots, str | None]:
     """
     Draw the plots of a drive, and catch all errors.
 
-    :param summary: the results of the drive
     :returns: the plots and None; after an error, no plots and a sentence with the reason
     """
     try:
@@ -169,8 +166,6 @@ def record_events(stream: BinaryIO, handlers: EventHandlers, recorder: McapRecor
     Pass all events of a drive to handlers, and regularly write the recording to its file.
 
     :param stream: the reading end of the pipe from which the events are read
-    :param handlers: the functions that receive each event
-    :param recorder: the recording, whose new messages are written to its file every FLUSH_PERIOD
     """
     due = time.monotonic() + FLUSH_PERIOD
     for event in read_events(stream):
@@ -186,8 +181,6 @@ def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> s
     """
     Write the report of a drive; after an error, return the reason instead of raising the error.
 
-    :param log: the record of the drive
-    :param directory: an existing directory
     :param recording: the reason why the recording ``run.mcap`` is missing or incomplete; None if
         it is complete
     :returns: the reason why the report, or only its HTML page, is missing; None if the report with
@@ -209,11 +202,8 @@ def guardian_stop(file: int, slot: int) -> VelocitySent | None:
     """
     Wait until the guardian has stopped the robot, and return the first zero velocity that it sent.
 
-    The guardian is a separate process that stops the robot if the driving program was killed.
     When it does so, it stores the time in memory that it shares with the driving program.
 
-    :param file: the file descriptor of the shared memory
-    :param slot: the index of the robot in this memory
     :returns: the zero velocity and its time; None if the guardian did not stop the robot within
         GUARDIAN_STOP_TIMEOUT
     """
@@ -235,8 +225,7 @@ def main() -> int:
 
     The first command line argument is the directory of the report.  Two more arguments are
     optional: the file descriptor of the memory that is shared with the guardian, and the index of
-    the robot in this memory.  The guardian is a process that stops the robot if the driving
-    program was killed.
+    the robot in this memory.
 
     :returns: the exit code: 0 if all files were written, otherwise 1; it is also 0 if a file is
         missing only because an optional library is not installed

@@ -52,7 +52,6 @@ class Column(NamedTuple):
     """
     The heading of a column in a text table.
 
-    :param name: the name of the column
     :param unit: the unit of the cells; empty if they have no unit, or if each cell contains its
         unit
     :param spare: the order in which columns are left out of a table that is too wide: the column
@@ -83,8 +82,6 @@ def columns(head: Sequence[Column], rows: Sequence[Row], widest: int = WIDEST,
     While the table is too wide, columns whose ``spare`` is not 0 are left out one after the other,
     the smallest ``spare`` first.  If it is still too wide, the text in the widest columns is cut.
 
-    :param head: the headings of the columns
-    :param rows: the rows, with one cell per column
     :param widest: the largest allowed width of the table [characters]
     :param totals: the number of rows with sums or similar results at the end; a horizontal line is
         drawn above them
@@ -159,7 +156,6 @@ def fold(keys: Sequence[Hashable], most: int) -> list[int | Gap]:
     shown.  If the table is still too long, its middle is left out.
 
     :param keys: a key for each step; repetitions of the same step have equal keys
-    :param most: the largest number of lines of the table
     :returns: in order, the index of each shown step, and a ``Gap`` wherever steps are left out
     """
     kept = _kept(keys, most)
@@ -251,7 +247,6 @@ def plan_table(views: Sequence[PlanView], widest: int | None = None) -> str:
     that compares their totals.  If there are not too many plans, there is also a table of the
     steps of each plan.
 
-    :param views: the plans
     :param widest: the width of the terminal [characters]; None if there is no terminal
     :returns: the tables as text, up to 99 characters wide and about 60 lines long, or longer if
         there are many plans
@@ -323,7 +318,6 @@ def _corners(plan: Plan) -> list[str]:
     """
     Return lines about the corners of a plan that are cut, and about those that are shrunk.
 
-    :param plan: the plan
     :returns: the lines; empty if the robot stops at each step
     """
     corners = [*cut_corners(plan)]
@@ -342,8 +336,6 @@ def _shrunk(corners: Sequence[CutCorner]) -> list[str]:
     Return lines about the corners that are cut by less than allowed, because a leg is short.
 
     Corners with the same figures share a line.
-
-    :param corners: all corners of a plan
     """
     kinds: dict[tuple[str, str], list[int]] = {}
     for corner in corners:
@@ -377,10 +369,6 @@ def _bounds(limits: Limits, units: Mapping[str, str]) -> str:
 
     An infinite limit is left out.  A deceleration is left out if it equals the acceleration.  A
     backward velocity is left out if it equals the forward velocity.
-
-    :param limits: the limits
-    :param units: the names of the limits to show, and the unit of each
-    :returns: the limits with their units, or the text ``none``
     """
     bounds = {name: limits.bound(name) for name in units}
     known = [f'{format_number(bound)} {units[name]}' for name, bound in bounds.items()
@@ -423,12 +411,10 @@ def drive_table(
     """
     Return a text table that shows how the robot drove each step of a drive.
 
-    A drive is one run of the robot.  For each step, the table shows three displacements: as
-    requested, as sent, and from odometry.  A run of steps without a stop has odometry only as a
-    whole, in a row below its last step.  Below the table, the text describes the stop and the
-    final pose.
+    For each step, the table shows three displacements: as requested, as sent, and from odometry.
+    A run of steps without a stop has odometry only as a whole, in a row below its last step.
+    Below the table, the text describes the stop and the final pose.
 
-    :param log: the record of the drive
     :param stop_confirmed_after: the time from the start of the stop until odometry showed that the
         robot stands still [s]; None if odometry did not show this
     :param widest: the width of the terminal [characters]; None if there is no terminal

@@ -52,15 +52,10 @@ class Commander:
     """
     Starts, stops, pauses, resumes and slows down the motion of a robot when a user requests it.
 
-    ROS services, keys of the keyboard and Python code call the methods of this class.  Any thread
-    may call them.  A method that refuses a request raises an error.  The text that most methods
-    return tells the user what was done.
+    Services, keys and Python code call the methods, from any thread.  A refused request raises an
+    error; the text that most methods return tells the user what was done.
 
-    :param node: the node on which the services ``~/stop``, ``~/pause`` and ``~/resume`` are
-        created
-    :param session: the object that connects with the robot, drives the robot and stops it
-    :param factor: the initial value of the ROS parameter ``speed_factor``, the speed of the robot
-        relative to the plan
+    :param factor: the initial value of the ROS parameter ``speed_factor``
     """
 
     def __init__(self, node: Node, session: Session, factor: float) -> None:
@@ -95,12 +90,9 @@ class Commander:
 
     def serve(self, name: str, function: Callable[[], str]) -> str:
         """
-        Create a ROS service of the type ``std_srvs/Trigger`` that calls a function.
+        Create a ``std_srvs/Trigger`` service that calls a function; return its full name.
 
-        :param name: the name of the service, before remapping
-        :param function: a function that is called for each request; returns the text for the
-            response, or raises a ControlError to refuse the request
-        :returns: the full name of the service, after remapping
+        :param function: returns the text for the response, or raises a ControlError to refuse
         """
         service = self._node.create_service(
             Trigger, name, _service(function), qos_profile=SERVICE_QOS)
@@ -108,16 +100,9 @@ class Commander:
 
     def start(self, drive: Callable[[DriveRequest], object]) -> str:
         """
-        Start a thread that drives the robot, and return at once.
+        Start a thread that drives the robot; from now on a stop ends the drive.
 
-        As soon as this method has returned, a request to stop ends the drive, even if the robot
-        does not move yet.
-
-        :param drive: a function that drives the robot; it is called in the new thread with a
-            DriveRequest.  A stop is recorded in this object, and so ends the drive
-        :returns: a text for the user that says what was done
-        :raises ControlError: if the robot may not drive now, for example because another drive is
-            under way
+        :raises ControlError: if the robot may not drive now, for example because it does already
         """
         request = self._session.request(elsewhere=True)
 
@@ -137,12 +122,8 @@ class Commander:
         """
         Start to drive for a ROS client, unless a client has just requested a stop.
 
-        The reason: this node sometimes processes two requests in the wrong order.  If a client
-        sends a request to start and then a request to stop, the robot must not move.
+        The node may process a request to start after the stop that followed it.
 
-        :param drive: a function that drives the robot; it is called in a new thread with a
-            DriveRequest.  A stop is recorded in this object, and so ends the drive
-        :returns: a text for the client that says what was done
         :raises ControlError: if a stop was requested just before, or the robot may not drive now
         """
         self.stop_requests.require_none()
@@ -152,20 +133,16 @@ class Commander:
         """
         Stop the robot because a client has called the service ``~/stop``.
 
-        :returns: a text for the client that says what was done
-        :raises RunFaultError: if the stop could not be sent, or odometry shows that the robot
-            still moves
+        :raises RunFaultError: if the stop could not be sent, or the robot still moves by odometry
         """
         return self._session.stop('~/stop')
 
     def pause(self) -> str:
         """
-        Pause the motion: bring the robot to rest, and keep it at rest until ``resume`` is called.
+        Bring the robot to rest within its limits, and keep it there until ``resume`` is called.
 
-        The robot slows down within its limits of acceleration and jerk.  If no motion is under
-        way, the next motion is paused before the robot moves.
+        If no motion is under way, the next one is paused before the robot moves.
 
-        :returns: a text for the user that says what was done
         :raises ControlError: if no motion may start any more, so that there is none to pause
         """
         self._session.require_not_stopped()
@@ -182,12 +159,9 @@ class Commander:
         """
         Continue a paused motion.
 
-        :param even_if_moved: whether to continue even if somebody moved the robot during the
-            pause; the rest of the motion then begins where the robot stands now
-        :returns: a text for the user.  It says that the motion continues, or that it was not
-            paused, or that something other than the pause still keeps the robot at rest
-        :raises ControlError: if no motion may start now, or if somebody moved the robot during the
-            pause and ``even_if_moved`` is False
+        :param even_if_moved: whether to continue from where the robot stands now if somebody moved
+            it during the pause
+        :raises ControlError: if no motion may start now, or the robot was moved
         """
         self._session.check_resume(even_if_moved)
         was_held = [self._factor.set(name, 1.0) for name in (PAUSE, MOVED)]
@@ -199,15 +173,10 @@ class Commander:
 
     def resume_when_confirmed(self) -> str:
         """
-        Continue a paused motion; if somebody moved the robot in the pause, require a second call.
+        Continue a paused motion; if the robot was moved meanwhile, only at a second call.
 
-        If somebody moved the robot during the pause, the first call raises RobotMovedError, which
-        warns the user.  If the next call comes 1 s to 10 s later, it continues the motion from the
-        place where the robot stands now.  Otherwise it raises the same error again.
-
-        :returns: a text for the user that says what was done
-        :raises RobotMovedError: if the robot was moved, unless the previous call raised this error
-            1 s to 10 s ago
+        :raises RobotMovedError: if it was moved, unless the call before raised this 1 s to 10 s
+            ago
         :raises ControlError: if no motion may start now
         """
         try:
@@ -220,37 +189,23 @@ class Commander:
 
     def request_resume(self) -> str:
         """
-        Continue a paused motion for a ROS client, unless a client has just requested a stop.
+        Continue a paused motion for a ROS client, as ``resume_when_confirmed`` does.
 
-        If somebody moved the robot during the pause, the first request is refused with a warning.
-        If the next request comes 1 s to 10 s later, it continues the motion.  Otherwise it is
-        refused as well.
-
-        :returns: a text for the client that says what was done
-        :raises ControlError: if a stop was requested just before, if no motion may start now, or
-            if the robot was moved and the request is refused with the warning
+        :raises ControlError: if a stop was requested just before, no motion may start now, or the
+            robot was moved
         """
         self.stop_requests.require_none()
         return self.resume_when_confirmed()
 
     def change_speed(self, step: float) -> None:
-        """
-        Increase or decrease the ROS parameter ``speed_factor`` by one step.
-
-        The parameter is the speed of the robot relative to the plan; 1 means the planned speed.
-        Its new value is at most 1, and at least as large as one step.  For example, steps of 0.1
-        change it between 0.1 and 1.
-
-        :param step: the change of the parameter; a negative step makes the robot slower
-        """
+        """Change the ROS parameter ``speed_factor`` by a step, between one step and 1."""
         factor = self._factor.factors.get(OVERRIDE, 1.0)
         self.set_speed(min(1.0, max(abs(step), round(factor + step, 2))))
 
     def set_speed(self, factor: float) -> None:
         """
-        Set the ROS parameter ``speed_factor``, the speed of the robot relative to the plan.
+        Set the ROS parameter ``speed_factor``, from 0.01 to 1.
 
-        :param factor: the new value, from 0.01 to 1; 1 means the planned speed
         :raises ControlError: if the value is out of range, or no motion may start any more
         """
         self._session.require_not_stopped()
@@ -270,8 +225,7 @@ class Commander:
         """
         End any pause, and set the speed to that at the start of the node.
 
-        :param changes: the value of ``changes`` when this was decided; a pause or a speed that
-            came later is kept
+        :param changes: ``changes`` when this was decided; what came later is kept
         """
         with self._changing:
             if changes != self._changes:
@@ -321,24 +275,13 @@ class Commander:
 
 
 def _factors(parameters: list[Parameter]) -> list[Any]:
-    """
-    Return all values that a list of ROS parameters contains for the parameter ``speed_factor``.
-
-    :param parameters: ROS parameters with their new values; parameters with another name are
-        ignored
-    """
+    """Return all values of ``speed_factor`` in a list of ROS parameters."""
     return [parameter.value for parameter in parameters if parameter.name == PARAMETER]
 
 
 def _service(function: Callable[[], str]) -> Callable[
         [Trigger.Request, Trigger.Response], Trigger.Response]:
-    """
-    Return a callback for a ``std_srvs/Trigger`` service; the callback calls a function.
-
-    :param function: a function that returns the text for the response.  If it raises a
-        ControlError, the text of this error is sent instead, and the field ``success`` of the
-        response is False
-    """
+    """Return a callback for a ``std_srvs/Trigger`` service; the callback calls a function."""
     def respond(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request
         try:

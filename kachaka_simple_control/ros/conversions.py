@@ -38,28 +38,14 @@ def twist(velocity: Velocity) -> Twist:
 
 
 def velocity(twist: Twist) -> Velocity:
-    """
-    Return a velocity with the linear x and the angular z of a Twist message.
-
-    The values are not checked: they may be NaN or infinite.
-    """
+    """Return linear x and angular z of a Twist message; they may be NaN or infinite."""
     return Velocity(twist.linear.x, twist.angular.z)
 
 
 def odometry(
         pose: Pose, velocity: Velocity, stamp: Time, frame_id: str,
         child_frame_id: str) -> Odometry:
-    """
-    Return an Odometry message with a pose and a velocity of the robot.
-
-    The covariances in the message are zero, because they are unknown.
-
-    :param pose: the pose of the robot in the frame ``frame_id``
-    :param velocity: the velocity of the robot in the frame ``child_frame_id``
-    :param stamp: the time stamp of the message
-    :param frame_id: the name of the odometry frame, for example ``odom``
-    :param child_frame_id: the name of the frame of the robot
-    """
+    """Return an Odometry message, with covariances of 0 because they are unknown."""
     from nav_msgs.msg import Odometry
     message = Odometry()
     message.header.stamp = stamp
@@ -75,14 +61,7 @@ def odometry(
 
 def diagnostics(
         diagnoses: Mapping[str, Diagnosis], stamp: Time, hardware_id: str) -> DiagnosticArray:
-    """
-    Return a DiagnosticArray message with one status for each diagnosis.
-
-    :param diagnoses: the diagnoses, each with a level, a message and named values; the keys are
-        the names of the statuses
-    :param stamp: the time stamp of the message
-    :param hardware_id: a text that names the hardware which the diagnoses describe
-    """
+    """Return a DiagnosticArray message with one status for each diagnosis, by its name."""
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
     message = DiagnosticArray()
     message.header.stamp = stamp

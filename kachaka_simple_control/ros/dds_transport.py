@@ -49,17 +49,12 @@ def use_udp_transport() -> None:
     """
     Make Fast DDS use only UDP in this process and its children, unless the user chose a transport.
 
-    If the user has set ROS_AUTOMATIC_DISCOVERY_RANGE to LOCALHOST, do what ``use_localhost_only``
-    does.
+    With ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, do what ``use_localhost_only`` does.  Call this
+    before ``rclpy.init``: later, but before the first node of a context, this range still means
+    shared memory.  With Humble's Fast DDS or another middleware, only this range has an effect.
 
-    Call this function before ``rclpy.init``.  If it is called later, but before the first node of
-    a ROS context is created, Fast DDS still uses shared memory with this discovery range.  The
-    function has no effect with the Fast DDS version of Humble, except for this discovery range, or
-    with another DDS implementation.
-
-    The reason: with shared memory, a killed process can delay the messages of the other processes
-    on the same machine by a third of a second.  So a velocity or a stop would be sent too late.
-    It can also delay the creation of a node by 2 to 6 s.
+    With shared memory, a killed process can delay the messages of others on its machine by a third
+    of a second, and the creation of a node by 2 to 6 s.
     """
     # By default, all processes of a machine use the same shared memory of Fast DDS.  A process
     # that was killed leaves its part of this memory locked.  Each time another process discovers a
@@ -95,14 +90,10 @@ def use_localhost_only() -> None:
     """
     Limit DDS discovery of this process and its children to this machine.
 
-    The reason: a simulated robot has the same ROS names as a real robot, and the real robot must
-    not receive the velocities for the simulated robot.
-
-    Call this function before ``rclpy.init``.  It does nothing if the user has set
-    ROS_LOCALHOST_ONLY, or has set ROS_AUTOMATIC_DISCOVERY_RANGE to another value than LOCALHOST.
-
-    The limit is set by ``loopback.xml``, an XML profile of Fast DDS.  If this profile cannot be
-    used, an environment variable of ROS sets the limit.
+    A simulated robot has the names of a real one, which must not receive its velocities.  Call
+    this before ``rclpy.init``.  Nothing is done if the user has set ROS_LOCALHOST_ONLY, or
+    ROS_AUTOMATIC_DISCOVERY_RANGE to another value than LOCALHOST.  Where the XML profile
+    ``loopback.xml`` of Fast DDS cannot be used, a variable of ROS sets the limit.
     """
     # The profile is preferred, because with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST Fast DDS uses
     # shared memory, and every third new participant is discovered 3 s late.
@@ -129,14 +120,12 @@ def repeated_joining() -> Iterator[None]:
     """
     Make nodes join the ROS graph again every SEARCH_JOIN_PERIOD (0.25 s), as a context manager.
 
-    Create the first node of the process in the block.  All later nodes of this process do the
-    same.  Such a node can only search, because other participants match its publishers and
-    subscriptions only for a moment.  There is no effect with the Fast DDS version of Humble, with
-    another DDS implementation, or if the user chose a transport.
+    Create the first node of the process in the block; all later ones do the same.  They can only
+    search, because others match their publishers and subscriptions only for a moment.  No effect
+    with Humble's Fast DDS, another middleware, or a transport that the user chose.
 
-    The reason: Fast DDS announces a participant before it listens.  Other participants answer each
-    new participant once.  If the answer comes too early, it is lost, and the next announcement of
-    the others comes up to 3 s later.
+    Fast DDS announces a participant before it listens, and others answer it once.  An answer that
+    comes too early is lost, and their next announcement comes up to 3 s later.
     """
     # The other participants forget this one after SEARCH_LEASE_TIME, and answer it again at its
     # next announcement, when it listens.
@@ -162,14 +151,13 @@ def repeated_joining() -> Iterator[None]:
 
 def start_on_this_machine(own: object) -> None:
     """
-    Limit ROS to this machine for a simulated robot, and initialise ROS if it is not initialised.
+    Limit ROS to this machine for a simulated robot, and initialise it if need be.
 
-    The reason: a simulated robot has the same names as a real robot.  A program that drives the
-    real robot from another machine would end its drive if it discovered the simulated robot.
+    A program that drives the real robot of the same name would end its drive if it discovered the
+    simulated one.
 
     :param own: the node that is being created and calls this function
-    :raises UsageError: if ROS is initialised already without a limit, and the limit can no longer
-        be set, for example because another node exists
+    :raises UsageError: if ROS is initialised without a limit that can still be set
     """
     import rclpy
     from rclpy.node import Node
@@ -189,13 +177,7 @@ def start_on_this_machine(own: object) -> None:
 
 
 def is_range_chosen() -> bool:
-    """
-    Return whether the user or this program has already set how far DDS discovery reaches.
-
-    The user can set this with the environment variables ROS_AUTOMATIC_DISCOVERY_RANGE (not with
-    Humble) and ROS_LOCALHOST_ONLY.  This program sets it with an XML profile that limits discovery
-    to this machine.
-    """
+    """Return whether the user or this program has already set how far DDS discovery reaches."""
     is_range_read = RANGE in os.environ and not _is_humble()
     return is_range_read or LOCALHOST_ONLY in os.environ or is_localhost_only()
 
@@ -204,9 +186,8 @@ def can_still_be_localhost_only() -> bool:
     """
     Return whether a program that has called ``rclpy.init`` can still limit DDS to this machine.
 
-    This is possible only with an XML profile, which Fast DDS reads when the first node is created.
-    It is not possible with Humble or another DDS implementation.  It is also not possible if
-    environment variables choose a transport, or name other machines in ROS_STATIC_PEERS.
+    Only an XML profile can, which Fast DDS reads with the first node: not with Humble or another
+    middleware, nor with variables that choose a transport or ROS_STATIC_PEERS.
     """
     is_profile_read = _fast_dds() not in (None, HUMBLE)
     return is_profile_read and not _is_transport_chosen() and not os.environ.get(PEERS)
@@ -214,10 +195,9 @@ def can_still_be_localhost_only() -> bool:
 
 def is_localhost_only() -> bool:
     """
-    Return whether discovery is limited to this machine.
+    Return whether discovery is limited to this machine, by variables of ROS or a profile.
 
-    The limit is set by environment variables of ROS or by an XML profile of this package.  The
-    variables set no limit if ROS_STATIC_PEERS names other machines.
+    With ROS_STATIC_PEERS the variables are no limit.
     """
     is_range_localhost = _is_localhost_requested() and not _is_humble()
     if is_range_localhost or os.environ.get(LOCALHOST_ONLY) == '1':
@@ -226,13 +206,7 @@ def is_localhost_only() -> bool:
 
 
 def _use_profile(profile: Path) -> bool:
-    """
-    Set the environment variable that makes Fast DDS read an XML profile.
-
-    :param profile: the XML file
-    :returns: whether the variable was set.  It is not set if the version of Fast DDS is that of
-        Humble or is unknown, or if the file does not exist
-    """
+    """Make Fast DDS read an XML profile; return False if it cannot, as that of Humble."""
     version = _fast_dds()
     if version in (None, HUMBLE) or not profile.is_file():
         return False
@@ -261,10 +235,9 @@ def _is_transport_chosen() -> bool:
 
 def _fast_dds() -> tuple[int, int] | None:
     """
-    Return the version of the Fast DDS library that this process has loaded.
+    Return the major and minor version of Fast DDS in this process.
 
-    :returns: the major and the minor version number; None if another DDS implementation is used,
-        or the version is unknown
+    :returns: None if the middleware is another one, or the version is unknown
     """
     try:
         from rclpy.utilities import get_rmw_implementation_identifier

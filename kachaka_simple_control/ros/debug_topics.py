@@ -14,7 +14,7 @@
 """
 Publishers of debug topics: planned and driven path, sent velocities, speed, and diagnostics.
 
-A separate thread sends the messages, so that they do not delay the thread that drives the robot.
+A separate thread sends the messages, so that the thread that drives is not delayed.
 """
 
 from __future__ import annotations
@@ -75,9 +75,8 @@ class NoEventCallbacks:
     """
     Replaces the event callbacks of an rclpy publisher, and creates no event handlers.
 
-    By default, rclpy gives each publisher two handlers of QoS events, which take time in every
-    cycle of the executor.  They are not needed here: a subscriber with an incompatible QoS logs
-    the problem itself.
+    rclpy gives each publisher two, which take time in every cycle of the executor.  A subscriber
+    with an incompatible QoS logs the problem itself.
     """
 
     def create_event_handlers(self, *_: object) -> list[Any]:
@@ -101,13 +100,9 @@ class PublisherThread:
     """
     A thread that sends the messages of all debug topics of a node; the first message starts it.
 
-    :param node: the node that gets the publishers of the debug topics
-    :param velocities: the publisher of the velocities that move the robot; its topic must not be
-        used as a debug topic
-    :param may_publish: a function that returns whether messages may be sent now; otherwise they
-        are dropped
-    :param on_error: a function that is called with the publisher and the error if a message could
-        not be sent
+    :param velocities: whose topic must not be that of a debug topic
+    :param may_publish: whether messages may be sent now; otherwise they are dropped
+    :param on_error: called with the publisher and the error if a message could not be sent
     """
 
     def __init__(
@@ -121,15 +116,9 @@ class PublisherThread:
 
     def create_publisher(self, kind: type, topic: str, qos: QoSProfile) -> Publisher:
         """
-        Create a publisher for a debug topic; ROS parameters may change its QoS.
+        Create a publisher for a debug topic, whose QoS the user can override with parameters.
 
-        The user sets these parameters, whose names begin with ``qos_overrides``.
-
-        :param kind: the type of the messages
-        :param topic: the name of the topic, before remapping
-        :param qos: the QoS, unless parameters change it
-        :raises UsageError: if the topic is remapped to the topic of the velocities that move the
-            robot, or if the parameters set a QoS that is not allowed
+        :raises UsageError: if the topic is that of the velocities, or such a QoS is not allowed
         """
         name = self.node.resolve_topic_name(topic)
         if name == self._velocity_topic:
@@ -145,13 +134,9 @@ class PublisherThread:
 
     def publish(self, publisher: Publisher, serialize: Serialize) -> None:
         """
-        Put a message into the queue of the thread that sends it, and return at once.
+        Queue a message for the thread, and return at once; drop it behind MAX_QUEUE others.
 
-        If MAX_QUEUE messages already wait in the queue, drop the message.
-
-        :param publisher: the publisher that will send the message
-        :param serialize: a function that returns the serialized message; the thread that sends the
-            message calls it later
+        :param serialize: returns the serialized message; called in the thread
         """
         if self._queue.qsize() < MAX_QUEUE:
             self._queue.put((publisher, serialize))
@@ -159,11 +144,7 @@ class PublisherThread:
             self._start()
 
     def close(self) -> None:
-        """
-        End the thread that sends the debug messages, after it has sent the messages in its queue.
-
-        Wait up to 1 s until the thread has ended.
-        """
+        """End the thread after it has sent what is queued; wait for it up to 1 s."""
         self._queue.put(None)
         if self._thread is not None:
             self._thread.join(THREAD_EXIT_TIMEOUT)
@@ -192,11 +173,7 @@ class DebugTopic:
     """
     The base class of all publishers that show on a debug topic what the node does.
 
-    :param thread: the thread that sends the messages
-    :param kind: the type of the messages
-    :param topic: the name of the topic, before remapping
-    :param qos: the QoS, unless ROS parameters change it
-    :raises UsageError: if the topic is remapped to the topic of the velocities that move the robot
+    :raises UsageError: if the topic is remapped to that of the velocities
     """
 
     def __init__(self, thread: PublisherThread, kind: type, topic: str, qos: QoSProfile) -> None:
@@ -213,22 +190,13 @@ class DebugTopic:
 
 
 class SpeedFactorPublisher(DebugTopic):
-    """
-    Publishes the speed factor when it changes.
-
-    The speed factor is the speed of the robot relative to the plan.  A subscriber that joins later
-    still receives the newest value.
-    """
+    """Publishes the speed factor when it changes; later subscribers receive the newest, too."""
 
     def __init__(self, thread: PublisherThread) -> None:
         super().__init__(thread, Float64, SPEED_FACTOR, LATCHED)
 
     def publish(self, factor: float) -> None:
-        """
-        Publish the speed factor, the speed of the robot relative to the plan.
-
-        :param factor: from 0 (at rest) to 1 (the planned speed)
-        """
+        """Publish the speed factor."""
         self._send(lambda: bytes(serialize_message(Float64(data=factor))))
 
 
@@ -236,8 +204,8 @@ class CommandedVelocityPublisher(DebugTopic):
     """
     While there are subscribers, publishes a copy of each velocity that was sent to the robot.
 
-    The QoS is best effort, because a plot needs only the newest value.  A reliable publisher would
-    have more work with subscribers that are slow, have ended or are frozen.
+    The QoS is best effort: a plot needs only the newest value, and a reliable publisher has work
+    with subscribers that are slow, have ended or are frozen.
 
     :param frame: the frame of the robot, for the header of the messages
     """
@@ -253,11 +221,7 @@ class CommandedVelocityPublisher(DebugTopic):
         self._check_time = float('-inf')
 
     def wants(self, event: Event) -> bool:
-        """
-        Return whether an event is a sent velocity, and the topic has subscribers.
-
-        :param event: any event
-        """
+        """Return whether an event is a sent velocity, and the topic has subscribers."""
         if not isinstance(event, VelocitySent):
             return False
         if event.time - self._check_time >= SUBSCRIBER_COUNT_PERIOD:
@@ -266,14 +230,7 @@ class CommandedVelocityPublisher(DebugTopic):
         return self._is_wanted
 
     def on_sent(self, event: Event) -> None:
-        """
-        Publish a copy of a velocity that was sent to the robot.
-
-        Do nothing if there are no subscribers.
-
-        :param event: a ``VelocitySent`` event, whose send time becomes the time stamp of the copy;
-            other events are ignored
-        """
+        """Publish a copy of a ``VelocitySent`` with its time, if there are subscribers."""
         if isinstance(event, VelocitySent) and self._is_wanted:
             self._send(partial(
                 self._serialize, event.velocity,
@@ -291,9 +248,7 @@ class DiagnosticsPublisher(DebugTopic):
     """
     Publishes a diagnosis of the drive when ``publish`` is called and there are subscribers.
 
-    :param robot: a text with the name of the robot and its velocity topic
-    :param diagnose: a function that returns the current diagnosis; None if there is nothing to
-        publish
+    :param diagnose: returns the current diagnosis; None if there is nothing to publish
     :raises ImportError: if diagnostic_msgs is not installed
     """
 
@@ -327,11 +282,7 @@ class PathTopic(DebugTopic):
         self.set_frame(FRAME)
 
     def set_frame(self, frame: str) -> None:
-        """
-        Use a frame in the headers of all later path messages.
-
-        :param frame: the name of the frame in which odometry gives the poses of the robot
-        """
+        """Use the frame of the odometry in all later messages."""
         self._serializer = PathSerializer(frame)
 
     def _send_path(self, poses: Sequence[bytes]) -> None:
@@ -340,11 +291,7 @@ class PathTopic(DebugTopic):
 
 
 class PlannedPathPublisher(PathTopic):
-    """
-    Before the robot moves, publishes the path that it will drive.
-
-    A subscriber that joins later still receives the newest path.
-    """
+    """Publishes the path before the robot drives it; later subscribers get it, too."""
 
     def __init__(self, thread: PublisherThread) -> None:
         super().__init__(thread, PLANNED_PATH, LATCHED)
@@ -353,34 +300,17 @@ class PlannedPathPublisher(PathTopic):
         self._plan_from_origin: Plan | None = None
 
     def on_plan(self, plan: Plan) -> None:
-        """
-        Publish the path that the robot will drive next.
-
-        The path begins at the newest pose from odometry, or at the origin if there is no pose yet.
-
-        :param plan: the plan of the motion that the robot drives next
-        """
+        """Publish the path from the newest pose of odometry on; from the origin without one."""
         self._plan_from_origin = plan if self._pose is None else None
         self._publish(plan, self._pose or ORIGIN)
 
     def on_motion_started(self, event: MotionStarted) -> None:
-        """
-        Record that the robot moves now, so that odometry no longer moves the planned path.
-
-        Before that, the first pose from odometry moves a path that begins at the origin.
-        """
+        """Record that the robot moves now: odometry no longer moves the planned path."""
         del event
         self._plan_from_origin = None
 
     def on_odometry(self, event: OdometryReceived) -> None:
-        """
-        Store the pose from odometry; publish the planned path again if no pose was known before.
-
-        A path that is published before any pose is known begins at the origin.  The new path
-        begins at the pose from odometry.  It is not published if the robot has begun to move.
-
-        :param event: an event with the pose from odometry
-        """
+        """Publish the path again from the first known pose on, unless the robot moves."""
         self._pose = event.pose
         plan, self._plan_from_origin = self._plan_from_origin, None
         if plan is not None:
@@ -398,21 +328,13 @@ class DrivenPathPublisher(PathTopic):
         self._publish_time = float('-inf')
 
     def set_frame(self, frame: str) -> None:
-        """
-        Forget the driven path, and begin a new path in another frame.
-
-        :param frame: the name of the frame in which odometry gives the poses of the robot
-        """
+        """Begin a new path in another frame of odometry."""
         super().set_frame(frame)
         self._history = PoseHistory(
             MAX_POSES, lambda pose: self._serializer.pose(pose, self._clock.now().nanoseconds))
 
     def on_odometry(self, event: OdometryReceived) -> None:
-        """
-        Add the pose from an odometry event to the driven path, and publish this path.
-
-        Publish it only if there are subscribers, and at most once per MIN_PATH_PERIOD (0.5 s).
-        """
+        """Add a pose; publish the path to subscribers once per MIN_PATH_PERIOD (0.5 s)."""
         self._history.add(event.pose)
         if event.time - self._publish_time >= MIN_PATH_PERIOD and self._has_subscribers:
             self._publish_time = event.time

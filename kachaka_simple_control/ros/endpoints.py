@@ -11,12 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Find the DDS participants of publishers and subscriptions, and compare and change their QoS.
-
-Two functions are about the QoS.  One describes why a publisher and a subscription do not match.
-With the other, ROS parameters can change the QoS of a new publisher or subscription.
-"""
+"""Find the DDS participants of publishers and subscriptions, and compare and change their QoS."""
 
 from __future__ import annotations
 
@@ -51,11 +46,7 @@ def participants(infos: Iterable[Any]) -> list[bytes]:
     """
     Return the identifier of the DDS participant of each publisher or subscription.
 
-    The identifier shows which program has the publisher or subscription.  Node names are not
-    enough for this: they are not transmitted between some ROS distributions.
-
-    :param infos: ``TopicEndpointInfo`` objects from the ROS graph
-    :returns: for each object, the part of the GID that identifies the participant
+    It shows which program has it; node names are not transmitted between some ROS distributions.
     """
     return [bytes(info.endpoint_gid[:PARTICIPANT_LENGTH]) for info in infos]
 
@@ -64,9 +55,8 @@ def own_participant(node: Node) -> bytes:
     """
     Return the identifier of the DDS participant to which a node belongs.
 
-    The identifier is a part of the GID of a publisher, and rclpy does not offer this GID.  So this
-    function creates a publisher on a topic with a unique name, finds it in the ROS graph, and
-    destroys it.
+    It is a part of the GID of a publisher, which rclpy does not offer.  So a publisher is created
+    on a topic with a unique name, and found in the ROS graph.
     """
     topic = f'/_kachaka_simple_control/participant_{uuid.uuid4().hex}'
     publisher = node.create_publisher(Twist, topic, 1)
@@ -77,12 +67,9 @@ def own_participant(node: Node) -> bytes:
 
 def incompatibility(offered: QoSProfile, requested: QoSProfile) -> str:
     """
-    Describe why a publisher and a subscription do not match.
+    Describe why a publisher and a subscription do not match: each QoS policy with both values.
 
-    :param offered: the QoS of the publisher
-    :param requested: the QoS of the subscription
-    :returns: a text with each QoS policy that does not match, and its requested and its offered
-        value; an empty text if all policies match
+    :returns: empty if all policies match
     """
     if _is_compatible(offered, requested):
         return ''
@@ -117,13 +104,9 @@ def with_qos_overrides(
         create: Callable[[QoSOverridingOptions], Any],
         check: Callable[[QoSProfile], SetParametersResult] | None = None) -> Any:
     """
-    Create a publisher or subscription whose QoS can be changed with ROS parameters.
+    Create and return a publisher or subscription whose QoS can be changed with ROS parameters.
 
-    :param create: a function that is called with a ``QoSOverridingOptions`` object; it creates the
-        publisher or subscription with this object, and returns it
-    :param check: a function that checks a QoS and returns whether it is allowed; None to check
-        only the depth of the queue
-    :returns: the publisher or subscription
+    :param check: returns whether a QoS is allowed; None to check only the depth of the queue
     :raises UsageError: if a parameter sets a QoS that is not possible or not allowed
     """
     def check_all(qos: QoSProfile) -> SetParametersResult:

@@ -14,7 +14,7 @@
 """
 Check the environment variables of ROS and the network, before ROS is started.
 
-This module does not need ROS: the middleware must be checked before ``rclpy`` is imported.
+This module needs no ROS: the middleware must be checked before ``rclpy`` is imported.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def require_middleware() -> None:
     """
     Check that the middleware which RMW_IMPLEMENTATION names can be loaded.
 
-    Call this function before ``rclpy`` is imported: its import ends the process otherwise.
+    The import of ``rclpy`` would end the process.
 
     :raises UsageError: if it is not installed
     """

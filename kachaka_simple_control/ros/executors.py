@@ -11,13 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Run the callbacks of nodes, and call a function before a ROS context is shut down.
-
-A bridge, a program that connects a robot with ROS, uses two executors of this module.  A
-SubscriptionExecutor receives the velocities, with less CPU time than an executor of rclpy.  A
-NodeExecutor runs all other callbacks.
-"""
+"""Run the callbacks of nodes, and call a function before a ROS context is shut down."""
 
 from __future__ import annotations
 
@@ -46,14 +40,10 @@ class BackgroundExecutor:
     """
     Runs the callbacks of a node in a background thread, unless another executor runs them.
 
-    The constructor only starts the thread.  Call ``ensure_spinning`` to run the callbacks.
+    ``ensure_spinning`` lets them run.  Call ``stop`` before the program ends: the interpreter
+    aborts at its end if the thread still runs callbacks.
 
-    Call ``stop`` before the program ends.  If the thread still runs callbacks at the end, the
-    Python interpreter aborts.
-
-    :param node: the node whose callbacks are run
-    :param on_error: a function that is called in the background thread with an exception that a
-        callback has raised
+    :param on_error: called in the thread with what a callback has raised
     """
 
     def __init__(self, node: Node, on_error: Callable[[BaseException], None]) -> None:
@@ -69,17 +59,16 @@ class BackgroundExecutor:
         """
         Make this executor run the callbacks of its node, unless another executor runs them.
 
-        :param take_over: True to run them even if another executor runs them; the node is then
-            removed from the other executor
+        :param take_over: whether to take the node from another executor
         """
         if take_over or not self._has_executor():
             self._executor.add_node(self._node)
 
     def is_executor_thread(self) -> bool:
         """
-        Return whether a callback of the node's executor runs in the calling thread at the moment.
+        Return whether a callback of the node's executor runs in the calling thread.
 
-        If so, the thread must not wait for another callback of the node: it would wait forever.
+        Then it must not wait for another callback of the node: it would wait forever.
         """
         if threading.current_thread() is self._thread:
             return True
@@ -87,11 +76,7 @@ class BackgroundExecutor:
         return is_elsewhere and any(True for _ in _executor_frames(sys._getframe()))
 
     def stop(self) -> None:
-        """
-        End the background thread that runs the callbacks of a node, and wait until it has ended.
-
-        Wait at most 2 s, and do not wait if the background thread itself calls this method.
-        """
+        """End the thread; wait for it at most 2 s, and not in the thread itself."""
         self._executor.shutdown(timeout_sec=0.0)
         if threading.current_thread() is not self._thread:
             self._thread.join(THREAD_EXIT_TIMEOUT)
@@ -109,13 +94,10 @@ class BackgroundExecutor:
 def spin_until_stopped(
         spin: Callable[[], None], on_error: Callable[[BaseException], None]) -> None:
     """
-    Run callbacks; if one raises an error, report the error and continue.
+    Run callbacks, also after errors, until ``spin`` returns or the context is shut down.
 
-    Return when ``spin`` returns without an error, or when the ROS context is shut down.
-
-    :param spin: a function that runs callbacks, like ``spin`` of an rclpy executor; it is called
-        again after each error
-    :param on_error: a function that is called with each exception that a callback has raised
+    :param spin: runs callbacks, like that of an rclpy executor; called again after each error
+    :param on_error: called with each exception that a callback has raised
     """
     while (error := _error_of(spin)) is not None:
         on_error(error)
@@ -123,11 +105,7 @@ def spin_until_stopped(
 
 
 def _error_of(function: Callable[[], None]) -> BaseException | None:
-    """
-    Call a function, and return the exception that it raises; None if it raises none.
-
-    Also return None for ExternalShutdownException, which means that ROS was shut down.
-    """
+    """Call a function, and return what it raises; None for ExternalShutdownException, too."""
     try:
         function()
     except ExternalShutdownException:
@@ -138,12 +116,7 @@ def _error_of(function: Callable[[], None]) -> BaseException | None:
 
 
 def wake_main_thread() -> None:
-    """
-    Wake the main thread if it waits in an executor of rclpy, so that it runs signal handlers.
-
-    Python runs signal handlers only in the main thread.  It runs none while the main thread waits
-    in the C++ code of an executor.
-    """
+    """Wake the main thread if it waits in the C++ code of an executor, to run signal handlers."""
     for frame in _executor_frames(sys._current_frames().get(threading.main_thread().ident or 0)):
         executor = frame.f_locals.get('self')
         if isinstance(executor, Executor):
@@ -166,14 +139,11 @@ def before_shutdown(context: Context, callback: Callable[[], None]) -> Callable[
     """
     Make a ROS context call a function before it is shut down.
 
-    For this, the methods ``shutdown`` and ``try_shutdown`` of the context are replaced, once.  The
-    reason: ``Context.on_shutdown`` of rclpy calls its callbacks after the shutdown, when
-    publishing is no longer possible (ros2/rclpy issue 1077).
+    ``shutdown`` and ``try_shutdown`` of the context are replaced, once: ``Context.on_shutdown``
+    calls back when publishing is no longer possible (ros2/rclpy issue 1077).
 
-    :param context: the context that will be shut down
-    :param callback: the function to call.  It is called in the thread that calls ``shutdown`` or
-        ``try_shutdown``, at each of these calls; the newest function comes first
-    :returns: a function that takes it back, so that nothing refers to the callback any more
+    :param callback: called in the thread of each such call; the newest one first
+    :returns: a function that takes it back
     """
     if context not in _before_shutdown:
         for name in ('shutdown', 'try_shutdown'):
@@ -202,11 +172,7 @@ WAIT_FOREVER = -1
 
 
 class NodeExecutor:
-    """
-    Runs the callbacks of a node, except those of a subscription with its own executor.
-
-    A ``SubscriptionExecutor`` is such an executor for one subscription.
-    """
+    """Runs the callbacks of a node, except those of a ``SubscriptionExecutor``."""
 
     def __init__(self, node: Node) -> None:
         self._stopped = threading.Event()
@@ -220,12 +186,7 @@ class NodeExecutor:
         self._executor.shutdown()
 
     def stop(self) -> None:
-        """
-        End the method ``run``, which runs the callbacks of the node.
-
-        If ``run`` has not been called yet, a later call ends at once.  Call this method once, from
-        any thread.
-        """
+        """End ``run``, also a later one; call this once, from any thread."""
         # A task wakes the executor.  A shutdown here would destroy the objects it waits for.
         self._executor.create_task(self._stopped.set)
 
@@ -234,13 +195,10 @@ class SubscriptionExecutor:
     """
     Receives the messages of one subscription, with much less CPU time than an rclpy executor.
 
-    It waits for messages in a loop, like ``rclpy.wait_for_message()``.
+    It waits in a loop, like ``rclpy.wait_for_message()``.
 
-    :param node: the node that has the subscription
-    :param subscription: the subscription; it has a callback group of its own, which no other
-        executor serves
-    :param on_message: a function that is called with each message, the oldest message first
-    :param raw: whether ``on_message`` gets serialized messages (bytes) instead of message objects
+    :param subscription: in a callback group of its own, which no other executor serves
+    :param on_message: called with each message, the oldest first
     """
 
     def __init__(
@@ -262,7 +220,7 @@ class SubscriptionExecutor:
 
     def run(self) -> None:
         """
-        Receive messages of the subscription in the calling thread, until ``stop`` is called.
+        Receive messages in the calling thread, until ``stop`` is called.
 
         :raises ExternalShutdownException: if the ROS context was shut down
         """
@@ -274,12 +232,7 @@ class SubscriptionExecutor:
             raise ExternalShutdownException from None
 
     def stop(self) -> None:
-        """
-        End the method ``run``, which receives the messages of the subscription.
-
-        If ``run`` has not been called yet, a later call ends at once.  Call this method once, from
-        any thread.
-        """
+        """End ``run``, also a later one; call this once, from any thread."""
         self._stopped.set()
         self._guard_condition.trigger()
 

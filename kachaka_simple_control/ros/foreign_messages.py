@@ -39,20 +39,12 @@ class ForeignMessages:
     """
     Detects velocities that other programs send to the robot.
 
-    If another program has a publisher on the velocity topic, this object subscribes to the topic.
-    Only a received velocity proves that the other program drives the robot, because a publisher
-    can exist and never send.  Without such a publisher there is no subscription, to save CPU time.
+    It subscribes to the topic only while another program has a publisher there, to save CPU time.
+    Only a received velocity proves that it drives: a publisher may never send.
 
-    :param node: the node of this program that publishes velocities
-    :param publisher: the velocity publisher of this node
-    :param other_publishers: a function that returns the names of the nodes of other programs that
-        have a publisher on the velocity topic
-    :param is_latched: a function that returns whether the guardian has stopped the robot.  The
-        guardian is a separate process that stops the robot if this program cannot.  After such a
-        stop, zero velocities are ignored, because they come from the guardian
-    :param on_message: a function that is called for each velocity from another program.  Its
-        argument is a text that describes the other program.  It is called in the executor's
-        thread, but not while the method ``detect`` waits
+    :param is_latched: whether the guardian has stopped the robot; zeros are then its own
+    :param on_message: called in the executor's thread with a text about the sender of each
+        velocity, but not during ``detect``
     """
 
     def __init__(
@@ -72,11 +64,7 @@ class ForeignMessages:
         self._group = MutuallyExclusiveCallbackGroup()
 
     def update(self) -> bool:
-        """
-        Find velocity publishers of other programs, and subscribe to the topic while any exist.
-
-        :returns: whether any velocity publisher of another program exists
-        """
+        """Find velocity publishers of other programs; subscribe while there are any."""
         self._names = self._other_publishers()
         if self._names and self._subscription is None:
             self._publisher.sent.discard_old(time.monotonic())
@@ -89,24 +77,14 @@ class ForeignMessages:
         return bool(self._names)
 
     def has_recent(self, now: float) -> bool:
-        """
-        Return whether another program has sent a velocity to the robot recently.
-
-        :param now: the current time [s on the steady clock]
-        :returns: whether the newest such velocity arrived at most FOREIGN_MESSAGE_MAX_AGE (1 s)
-            ago
-        """
+        """Return whether another program has sent a velocity to the robot recently."""
         return now - self._newest <= FOREIGN_MESSAGE_MAX_AGE
 
     def detect(self, check: Callable[[], None] = lambda: None) -> bool:
         """
-        Wait up to 0.4 s for a velocity that another program sends to the robot.
+        Wait up to FOREIGN_CHECK_TIME (0.4 s) for a velocity of another program, if any publishes.
 
-        The time is FOREIGN_CHECK_TIME.  If no other program has a velocity publisher, do not wait.
-
-        :param check: a function that is called repeatedly while waiting; it may raise an exception
-            to end the wait
-        :returns: whether such a velocity has arrived during the wait, or up to 1 s before it
+        :returns: whether one has arrived during the wait, or up to 1 s before it
         """
         if not self.update():
             return False
@@ -120,9 +98,7 @@ class ForeignMessages:
         """
         Check before a drive that no other program sends velocities to the robot.
 
-        :param check: a function that is called repeatedly while waiting; it may raise an exception
-            to end the wait
-        :raises RobotTakenError: if another program sends velocities to the robot
+        :raises RobotTakenError: if one does
         """
         if self.detect(check):
             # Discovery delivers node names last.  The wait is safe: the robot does not move yet.
@@ -131,21 +107,13 @@ class ForeignMessages:
             raise self.taken(self.describe_sender())
 
     def taken(self, sender: str) -> RobotTakenError:
-        """
-        Return an error which says that another program already sends velocities to the robot.
-
-        :param sender: the description of the other program, from ``describe_sender``
-        """
+        """Return an error which says that another program sends velocities already."""
         return RobotTakenError(
             f'{sender} sends velocities on {self._publisher.topic_name}; nothing was sent. Stop '
             'that program, or set the parameter allow_other_publishers to true')
 
     def describe_sender(self) -> str:
-        """
-        Return a text with the names of the other nodes that may have sent velocities to the robot.
-
-        These are all nodes of other programs that have a publisher on the velocity topic.
-        """
+        """Return the names of the nodes of other programs that publish on the velocity topic."""
         if UNKNOWN_NODE in self._names:
             self._names = self._other_publishers() or self._names  # discovery delivers names last
         names = sorted({

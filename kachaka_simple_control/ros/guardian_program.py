@@ -14,8 +14,7 @@
 """
 The guardian: a separate program that stops robots if the program that drives them cannot.
 
-The guardian has its own DDS participants.  So it can still send stop messages after the program
-that drives the robots has ended.
+It has its own DDS participants, so it can still send after that program has ended.
 """
 
 from __future__ import annotations
@@ -63,12 +62,9 @@ class GuardianNode:
     """
     A ROS node of the guardian, with its own ROS context and so its own DDS participant.
 
-    The guardian is a separate program that stops robots if the program that drives them cannot.
-    The name of its node begins with ``_``, so that ROS tools hide it.
+    Its name begins with ``_``, so that ROS tools hide it.
 
-    :param domain: the number of the ROS domain
-    :param on_participant: a function that is called with the identifier of the node's DDS
-        participant, before any velocity publisher is created on the node
+    :param on_participant: called with its participant before it has a velocity publisher
     """
 
     def __init__(self, domain: int, on_participant: Callable[[bytes], None]) -> None:
@@ -88,16 +84,9 @@ class GuardianNode:
 
 class GuardedRobot:
     """
-    A robot that the guardian stops if the program that drives the robot cannot.
+    A robot that the guardian stops: its publishers, and its watchdog, which decides when.
 
-    This object has the publishers that send zero velocities to the robot, and a watchdog, which
-    decides when the robot must be stopped.
-
-    :param slot: the part of the shared memory for this robot; the driving program uses it as well
-    :param topic: the velocity topic of the robot, after remapping
-    :param command_timeout: how long the robot keeps a velocity if no new message arrives [s]
-    :param message_type: the type of the velocity messages, ``Twist`` or ``TwistStamped``
-    :param frame: the frame in the header of a stamped message
+    :param slot: shared with the driving program
     """
 
     def __init__(
@@ -128,13 +117,7 @@ class GuardedRobot:
         self._publishers[node] = VelocityPublisher(node.node, *self._arguments)
 
     def match(self) -> bool:
-        """
-        Check whether one of the publishers for this robot has discovered the robot's subscription.
-
-        If so, destroy the other publishers for this robot.  Otherwise keep all publishers.
-
-        :returns: whether a publisher has discovered the subscription
-        """
+        """Return whether a publisher has discovered the robot; if so, destroy the others."""
         matched = (node for node, publisher in self._publishers.items()
                    if publisher.get_subscription_count() > 0)
         if (node := next(matched, None)) is not None:
@@ -151,31 +134,17 @@ class GuardedRobot:
         self._keep(None)
 
     def send_zero(self) -> bool:
-        """
-        Publish one zero velocity to the robot.
-
-        :returns: True, which tells the caller ``send_stop`` to continue the stop
-        """
+        """Publish one zero velocity; return True, so that ``send_stop`` continues."""
         [*self._publishers.values()][-1].transmit(ZERO)
         return True
 
     def begin_stop(self) -> None:
-        """
-        Block all later motion by the program that drives the robot, and send one zero velocity.
-
-        The motion is blocked by the latch, a flag in shared memory.  The driving program reads the
-        latch before it sends a velocity.
-        """
+        """Set the latch, which blocks the driving program, and send one zero velocity."""
         self.slot.latch.trip(time.monotonic())
         self.send_zero()
 
     def finish_stop(self) -> None:
-        """
-        Start a thread that sends the zero velocities of a stop to the robot.
-
-        If no new message arrives, the robot keeps a velocity for a limited time.  The thread sends
-        zero velocities for longer than this time.  Meanwhile the guardian can watch other robots.
-        """
+        """Send the zeros of a stop in a thread; other robots are watched meanwhile."""
         self._stopping = run_in_threads(
             [partial(send_stop, self.send_zero, self._command_timeout)])
 
@@ -194,16 +163,9 @@ class GuardianNodes:
     """
     Creates another ROS node for the guardian if a robot was not discovered in time.
 
-    The guardian is a separate program that stops robots if the program that drives them cannot.
-    It begins with one node, which has a publisher for each robot.  A robot is discovered when a
-    publisher finds the robot's subscription.  If this takes longer than a timeout, a new node is
-    created, with one more publisher for this robot.  The reason: a new node often discovers the
-    robot at once, while the old node needs up to 3 s.
-
-    After the last timeout, all publishers for this robot except the newest one are destroyed.  A
-    node without publishers is destroyed if another node has publishers.
-
-    :param create: a function that creates a node
+    A new node often discovers the robot at once, while the old one needs up to 3 s.  After the
+    last timeout, all publishers for this robot except the newest one are destroyed, and so is a
+    node that has none left, unless it is the last.
     """
 
     def __init__(self, create: Callable[[], GuardianNode]) -> None:
@@ -214,14 +176,7 @@ class GuardianNodes:
         self._join_at = math.inf
 
     def add(self, robot: GuardedRobot) -> None:
-        """
-        Create a publisher for a robot on the newest node of the guardian.
-
-        If the publisher does not discover the robot's subscription within a timeout, ``update``
-        creates another node.  The timeout starts now.
-
-        :param robot: the robot that the guardian has to watch
-        """
+        """Create a publisher for a robot on the newest node; its timeout starts now."""
         if not self._nodes:
             self._nodes.append(self._create())
         robot.join(self._nodes[-1])
@@ -232,10 +187,7 @@ class GuardianNodes:
         """
         Create another node if a robot was not discovered in time; end nodes that no robot uses.
 
-        Do not call this method while a robot is driven: it can block all other threads of the
-        guardian.
-
-        :param robots: all robots that the guardian watches
+        Not while a robot is driven: this can block all other threads of the guardian.
         """
         waiting = [robot for robot in robots if not robot.is_matched]
         if waiting and time.monotonic() >= self._join_at:
@@ -269,15 +221,11 @@ class GuardianNodes:
 
 class GuardianProgram:
     """
-    The main loop of the guardian, a program that stops robots if their driving program cannot.
+    The main loop of the guardian.
 
-    The guardian reads messages from the driving program, and publishes zero velocities when the
-    messages request this.  During a drive, the driving program writes heartbeats, which show that
-    it still works.  The guardian stops a robot if the next heartbeat does not come in time, or if
-    the driving program ends before it has sent all zero velocities of its own stop.
-
-    :param memory: the memory that is shared with the driving program, with the heartbeats
-    :param nodes: the object that creates the ROS nodes with which the guardian publishes
+    It publishes zeros when messages of the driving program request this.  It stops a robot if the
+    next heartbeat of a drive does not come in time, or the program ends before it has sent all
+    zero velocities of its own stop.
     """
 
     def __init__(self, memory: GuardianMemory, nodes: GuardianNodes) -> None:
@@ -293,18 +241,11 @@ class GuardianProgram:
             self, messages: int, robots: socket.socket, signals: int,
             search: int | None = None) -> None:
         """
-        Run the guardian until the program that drives the robots ends, or a signal arrives.
+        Run until the driving program ends or a signal arrives; then stop each robot still driven.
 
-        Then stop each robot that was driven, unless the driving program has stopped it completely.
-
-        :param messages: the file descriptor of the pipe from which the messages of the driving
-            program are read
-        :param robots: the socket from which the driving program's descriptions of new robots are
-            read
-        :param signals: a file descriptor that becomes readable when a signal tells the guardian to
-            end
-        :param search: the file descriptor from which the lines of the search for publishers are
-            read; None without a search
+        :param signals: a descriptor that becomes readable when a signal tells the guardian to end
+        :param search: the descriptor of the lines of the search for publishers; None without a
+            search
         """
         robots.setblocking(False)
         ended_by = ''
@@ -382,15 +323,7 @@ class GuardianProgram:
         self._memory.count_check()
 
     def _stop(self, reasons: dict[int, str]) -> None:
-        """
-        Stop several robots at the same time.
-
-        First send one zero velocity to each robot.  Then start a thread for each robot that sends
-        the rest of the stop, a series of zero velocities.
-
-        :param reasons: why each robot is stopped; the keys are the numbers of the robots in the
-            shared memory
-        """
+        """Stop several robots at once: first one zero to each, then the rest in threads."""
         for number in reasons:
             with contextlib.suppress(Exception):  # the other robots must be stopped all the same
                 self._robots[number].begin_stop()
@@ -419,13 +352,10 @@ class GuardianProgram:
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Run the guardian, a program that stops robots if the program that drives them cannot.
+    Run the guardian.
 
-    :param args: the command line arguments; None to use ``sys.argv``.  The first argument is the
-        number of the ROS domain.  The next three are file descriptors: of the pipe on which the
-        driving program sends messages, of the socket on which it sends descriptions of the robots,
-        and of the memory that it shares with the guardian
-    :returns: the exit code
+    :param args: None to use ``sys.argv``: the ROS domain, and three descriptors, of the pipe for
+        messages, of the socket for descriptions of robots, and of the shared memory
     """
     parser = argparse.ArgumentParser()
     for name in ('domain', 'messages', 'robots', 'shared'):
@@ -467,11 +397,9 @@ def _print(data: bytes) -> None:
 
 def _handle_signals() -> int:
     """
-    Handle SIGTERM, and ignore SIGINT and SIGHUP.
+    Handle SIGTERM, and ignore SIGINT and SIGHUP, which the driving program handles.
 
-    The guardian ignores SIGINT and SIGHUP, because the program that drives the robot handles them.
-
-    :returns: a file descriptor that becomes readable at SIGTERM
+    :returns: a descriptor that becomes readable at SIGTERM
     """
     reader, _ = wakeup_pipe()
     signal.signal(signal.SIGTERM, lambda *_: None)

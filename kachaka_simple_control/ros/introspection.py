@@ -61,11 +61,8 @@ class IntrospectionPublishers:
     """
     The publishers of all debug topics of a node, which show what the node does.
 
-    If a publisher fails, the error is logged once as a warning, and the drive continues.
+    One that fails is logged once as a warning, and the drive continues.
 
-    :param node: the node that gets the publishers
-    :param velocities: the publisher of the velocities that move the robot
-    :param profile: the description of the kind of robot
     :raises UsageError: if a debug topic is remapped to the topic of ``velocities``
     """
 
@@ -86,14 +83,7 @@ class IntrospectionPublishers:
         self._add_diagnostics(f'{profile.name} on {velocities.topic_name}')
 
     def attach(self, event_bus: EventBus, status_reader: StatusReader) -> None:
-        """
-        Start to publish the debug topics; the first message is a speed factor of 1, full speed.
-
-        :param event_bus: the object that distributes the events of the drives; most debug messages
-            are made from these events
-        :param status_reader: the object that reads the state of the connection with the robot, for
-            the diagnostics
-        """
+        """Start to publish the debug topics; the first message is a speed factor of 1."""
         self._status_reader = status_reader
         event_bus.subscribe(
             self._failing_once(COMMANDED_VELOCITY, self._commanded.on_sent),
@@ -102,11 +92,7 @@ class IntrospectionPublishers:
         self._speed_factor.publish(1.0)
 
     def set_frame(self, frame: str) -> None:
-        """
-        Use a frame for the planned path and the driven path.
-
-        :param frame: the name of the frame in which odometry gives the poses of the robot
-        """
+        """Use the frame of odometry for the planned path and the driven path."""
         for handler in self._on_frame:
             handler(frame)
 
@@ -164,14 +150,7 @@ class IntrospectionPublishers:
             self._status_reader.progress, self._status_reader.read(time.monotonic()))
 
     def _failing_once(self, name: str, handler: Handler) -> Handler:
-        """
-        Return a function that calls a handler until this handler raises an error.
-
-        The error is logged as a warning.  After the error, the function does nothing.
-
-        :param name: the name of the debug topic, for the warning
-        :param handler: a function that is called with an event or with the name of a frame
-        """
+        """Return a function that calls a handler until its first error, which is logged."""
         has_failed = False
 
         def guarded(argument: Any = None) -> None:

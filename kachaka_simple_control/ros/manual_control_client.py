@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Call the service that switches manual control on and off.
-
-Manual control is a mode of the robot.  The robot accepts velocities only in this mode.
-"""
+"""Call the service that switches manual control on and off."""
 
 from __future__ import annotations
 
@@ -34,13 +30,7 @@ from std_srvs.srv import SetBool
 
 
 class ManualControlResponse:
-    """
-    The response to a request that switches manual control of a robot on or off.
-
-    This object is created when the request is sent.  ``done`` is False until the robot responds.
-
-    :param future: the future of the service call
-    """
+    """The response to a request that switches manual control on or off, once it is ``done``."""
 
     def __init__(self, future: Any) -> None:
         self._future = future
@@ -52,13 +42,7 @@ class ManualControlResponse:
 
     @property
     def refusal(self) -> str | None:
-        """
-        Return why the robot refused the request for manual control.
-
-        Call this only after the response has arrived.
-
-        :returns: the reason, in words; None if the robot accepted the request
-        """
+        """Return why the robot refused, once it has responded; None if it accepted the request."""
         response = self._future.result()
         return None if response.success else escaped(response.message) or 'no reason given'
 
@@ -67,13 +51,7 @@ class ManualControlClient:
     """
     Switches manual control of a robot on and off.
 
-    Manual control is the mode in which the robot accepts velocities.
-
-    :param node: the node that calls the service
     :param service: the name of the service; None for a robot that needs no manual control
-    :param check: a function that is called repeatedly while waiting; it may raise an exception to
-        end the wait
-    :param timeout: how long manual control stays on after a request [s]
     """
 
     def __init__(
@@ -104,12 +82,10 @@ class ManualControlClient:
 
     def enable(self, timeout: float) -> None:
         """
-        Switch on manual control, the mode in which a robot accepts velocities.
+        Switch on manual control, and wait for the response of the robot.
 
-        Wait for the response of the robot.  If no response comes, repeat the request, each time
-        after a longer pause.  The first response counts, even if it answers an earlier request.
+        The request is repeated, each time after a longer pause.  The first response counts.
 
-        :param timeout: how long to wait in total [s]
         :raises RobotNotFoundError: if no response comes in time, or the robot refuses
         """
         end = time.monotonic() + timeout
@@ -131,26 +107,14 @@ class ManualControlClient:
             'somebody spins the executor this node is in')
 
     def request(self, enabled: bool) -> ManualControlResponse:
-        """
-        Request to switch manual control on or off, and do not wait for the response.
-
-        :param enabled: True to switch manual control on, False to switch it off
-        :returns: an object that shows whether the response has arrived, and what it is
-        """
+        """Request to switch manual control on or off, and do not wait for the response."""
         assert self._client is not None
         self.was_requested = True
         self._requested = time.monotonic() if enabled else None
         return ManualControlResponse(self._client.call_async(SetBool.Request(data=enabled)))
 
     def state(self, now: float) -> str:
-        """
-        Return a text about manual control, for diagnostics.
-
-        The text says that manual control is not needed, that it is off, or how long ago it was
-        requested.
-
-        :param now: the current time [s on the steady clock]
-        """
+        """Return a text for diagnostics: not needed, off, or how long ago it was requested."""
         if not self.is_needed:
             return 'not needed'
         if self._requested is None:
@@ -159,11 +123,6 @@ class ManualControlClient:
         return f'asked for {age:.0f} s ago' if age < self._timeout else 'off, for it timed out'
 
     def release(self, timeout: float) -> bool:
-        """
-        Switch manual control off, and wait for the response of the robot.
-
-        :param timeout: how long to wait for the response [s]
-        :returns: whether the response came in time
-        """
+        """Switch manual control off; return whether the robot responded in time."""
         response = self.request(False)
         return wait_until(lambda: response.done, timeout)

@@ -44,10 +44,8 @@ class RobotNames:
     """
     The full names of the topics and the service of one robot, before remapping.
 
-    :param velocity: the topic on which the robot receives velocities
-    :param odometry: the topic of the robot's odometry; None if the robot has no odometry
-    :param manual_control: the service that switches manual control on and off; None if this
-        service is not used.  Manual control is the mode in which the robot accepts velocities
+    :param odometry: None if the robot has no odometry
+    :param manual_control: the service that switches it on and off; None if it is not used
     """
 
     velocity: str
@@ -59,10 +57,7 @@ def names_of(profile: RobotProfile, namespace: str, manual_control: bool) -> Rob
     """
     Return the full names of the topics and the service of one robot, before remapping.
 
-    :param profile: the description of the kind of robot
-    :param namespace: the ROS namespace of this robot
-    :param manual_control: whether to use the service for manual control, if this kind of robot has
-        one
+    :param manual_control: whether to use that service, if this kind of robot has one
     :raises UsageError: if the namespace is invalid or too long
     """
     longest = max(len(name) for name in (
@@ -84,10 +79,7 @@ def require_length(text: str, name: str, longest: int, what: str = 'name') -> No
     Check that a ROS name is not too long.
 
     :param text: the beginning of the error message; it contains the name
-    :param name: the name to check
-    :param longest: the largest number of characters that ROS accepts
-    :param what: what the user can make shorter, for example ``name``; the error message ends with
-        ``take a shorter name``
+    :param what: what the user can make shorter
     :raises UsageError: if the name is too long
     """
     if len(name) > longest:
@@ -100,10 +92,9 @@ def require_namespace(namespace: str, what: str, longest: int) -> None:
     """
     Check that a ROS namespace is valid and not too long.
 
-    :param namespace: the namespace to check
     :param what: how the error message calls the namespace, for example ``robot_namespace``
     :param longest: the largest number of characters, including the first slash
-    :raises UsageError: if the namespace is invalid or too long
+    :raises UsageError: if it is not
     """
     # fullmatch, because match with $ would accept a line break at the end.
     if not _NAMESPACE.fullmatch(namespace):

@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-The ROS parameters of the node, with their defaults, descriptions and ranges.
-
-This module also reads and checks parameters on a command line.  It does not need ROS.
-"""
+"""The ROS parameters of the node, with their defaults, descriptions and ranges; without ROS."""
 
 from __future__ import annotations
 
@@ -48,12 +44,7 @@ def _parameter(
 
 @dataclass(frozen=True)
 class NodeParameters:
-    """
-    The values of the node's ROS parameters when the node starts.
-
-    All parameters except ``speed_factor`` are read-only.  So they do not change while the robot
-    drives.
-    """
+    """The values of the node's ROS parameters at its start; all but ``speed_factor`` stay."""
 
     robot: str = _parameter(
         KACHAKA.name,
@@ -104,7 +95,6 @@ def require_no_parameter(options: Mapping[str, Any]) -> None:
     """
     Check that the options of a node in a program are not parameters.
 
-    :param options: the options, by name
     :raises UsageError: if one of them has the name of a parameter
     """
     for parameter in fields(NodeParameters):
@@ -119,10 +109,7 @@ def parameter_arguments(arguments: Sequence[str]) -> dict[str, str]:
     """
     Return the parameters of this node that the command line sets with ``-p NAME:=VALUE``.
 
-    :param arguments: the ROS arguments of the command line, from ``--ros-args`` on
-    :returns: the values, as texts that the user wrote; the keys are the parameter names
-    :raises UsageError: if the node has no parameter of this name; ROS itself would ignore such a
-        parameter
+    :raises UsageError: if the node has no such parameter, which ROS itself would ignore
     """
     own = [parameter.name for parameter in fields(NodeParameters)]
     known = [*own, *ROS_PARAMETERS]
@@ -145,14 +132,9 @@ def _assignments(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 def require_parameters_only(option: str, arguments: Sequence[str]) -> None:
     """
-    Refuse ROS arguments that have no effect when the program only shows a plan.
+    Refuse ROS arguments without effect on a plan: all but ``-p``, and ``speed_factor``.
 
-    The program does not start ROS then.  So only ``-p NAME:=VALUE`` is allowed, and
-    ``speed_factor`` is not allowed, because a plan is always shown at full speed.
-
-    :param option: the option that makes the program show a plan, for the error message
-    :param arguments: the ROS arguments of the command line, from ``--ros-args`` on
-    :raises UsageError: if an argument is not allowed
+    :raises UsageError: if there is one
     """
     if 'speed_factor' in dict(_assignments(arguments)):
         raise UsageError(f'{option} shows a plan at full speed: leave out speed_factor')

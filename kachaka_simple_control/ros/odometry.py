@@ -36,14 +36,11 @@ class OdometryReader:
     """
     Receives the odometry of a robot in a separate thread, with little CPU time for each message.
 
-    The reason: for each message, an executor of rclpy would build a new wait set with all entities
-    of the node, and convert all 72 covariance values.  The thread of this class waits for one
-    subscription only, and reads only the needed values from the serialized message.
+    An executor of rclpy would build a new wait set with all entities of the node for each, and
+    convert all 72 covariance values.
 
-    :param node: the node that has the subscription
-    :param subscription: the subscription to odometry, in a callback group of its own
-    :param on_frame: a function that is called with the name of the frame of the poses, before the
-        first pose in this frame
+    :param subscription: in a callback group of its own
+    :param on_frame: called with the frame of the poses, before the first pose in it
     """
 
     def __init__(
@@ -61,22 +58,16 @@ class OdometryReader:
         """
         Start the thread that receives odometry.
 
-        :param on_odometry: a function that is called in this thread for each message.  Its
-            arguments are the time of arrival [s on the steady clock], the pose, the velocity, and
-            whether the message is new.  A message is new if its time stamp is later than that of
-            the previous message.  A message without a time stamp is also new
-        :param on_error: a function that is called in this thread with each exception that
-            ``on_odometry`` or ``on_frame`` raises
+        :param on_odometry: called in it with the time of arrival [s on the steady clock], the
+            pose, the velocity, and whether the message is new: its time stamp is later than the
+            one before, or it has none
+        :param on_error: called in it with what ``on_odometry`` or ``on_frame`` raises
         """
         self._on_odometry, self._on_error = on_odometry, on_error
         self._thread.start()
 
     def stop(self) -> None:
-        """
-        End the thread that receives odometry, and wait until it has ended.
-
-        Wait at most 2 s, and do not wait if this thread itself calls the method.
-        """
+        """End the thread; wait for it at most 2 s, and not in the thread itself."""
         if self._thread.is_alive():
             self._executor.stop()
             if threading.current_thread() is not self._thread:
@@ -99,14 +90,9 @@ class OdometryReader:
 def subscribe_to_odometry(
         node: Node, names: RobotNames, on_frame: Callable[[str], None]) -> OdometryReader | None:
     """
-    Subscribe to odometry, unless the robot has no odometry or nav_msgs is not installed.
+    Subscribe to odometry; None if the robot has none, or nav_msgs is not installed.
 
-    :param node: the node that gets the subscription
-    :param names: the names of the robot's topics and services, before remapping
-    :param on_frame: a function that is called with the name of the frame of the poses, before the
-        first pose in this frame
-    :returns: the object that receives odometry after its method ``start`` is called; None if there
-        is no subscription
+    :param on_frame: called with the frame of the poses, before the first pose in it
     :raises UsageError: if a ROS parameter sets an invalid QoS
     """
     topic = names.odometry

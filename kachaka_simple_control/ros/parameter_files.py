@@ -14,7 +14,7 @@
 """
 What ROS arguments and parameter files say that has no effect; ROS itself says nothing of it.
 
-This module does not need ROS.
+It needs no ROS.
 """
 
 from __future__ import annotations
@@ -36,7 +36,6 @@ def check_parameter_files(arguments: Sequence[str]) -> None:
     """
     Check that the parameter files of a command line have the form that ROS reads.
 
-    :param arguments: the ROS arguments
     :raises UsageError: if parameters stand outside of ``ros__parameters``
     """
     for path, contents in _files(arguments):
@@ -47,12 +46,7 @@ def check_parameter_files(arguments: Sequence[str]) -> None:
 
 
 def without_effect(arguments: Sequence[str], node: str) -> list[str]:
-    """
-    Return warnings about parameters on a command line that are for other nodes alone.
-
-    :param arguments: the ROS arguments
-    :param node: the full name of the node
-    """
+    """Return warnings about parameters on a command line that are for other nodes alone."""
     warnings = []
     for path, contents in _files(arguments):
         names = list(_nodes(contents))

@@ -44,16 +44,10 @@ from rclpy.utilities import get_rmw_implementation_identifier
 def declare_parameters(
         node: Node, defaults: Mapping[str, Any]) -> tuple[RobotProfile, NodeParameters]:
     """
-    Declare the ROS parameters of the node, and read their values.
+    Declare the ROS parameters of the node, and read the robot's profile and their values.
 
-    The profile, a description of the kind of robot, determines the default of ``robot_namespace``
-    and the range of ``rate``.
-
-    :param node: the node that gets the parameters
-    :param defaults: values that replace the usual defaults; the keys are the parameter names
-    :returns: the profile of the robot, and the values of the parameters
-    :raises UsageError: if a value has the wrong type or is out of range, or the kind of robot is
-        unknown
+    :param defaults: values that replace the usual defaults, by parameter
+    :raises UsageError: if a value has the wrong type or is out of range, or the robot is unknown
     """
     robot, *others = fields(NodeParameters)
     name = str(_declare(node, robot, defaults.get('robot', robot.default), None))
@@ -69,11 +63,7 @@ def declare_parameters(
 
 
 def warn_of_unknown(node: Node) -> None:
-    """
-    Warn of each parameter that was given to a node and that the node does not have.
-
-    :param node: the node, which has declared its parameters
-    """
+    """Warn of each parameter that was given to a node and that it has not declared."""
     known = [*(parameter.name for parameter in fields(NodeParameters)), *ROS_PARAMETERS]
     for name in node._parameter_overrides:  # noqa: SLF001 (nothing public tells them)
         if name not in known and not name.startswith(QOS_OVERRIDES_PREFIX):
@@ -132,17 +122,9 @@ def session_started(
         node: Node, title: str, profile: RobotProfile, names: RobotNames,
         parameters: NodeParameters, **about: Any) -> SessionStarted:
     """
-    Return the first event that displays and recordings of a node receive.
+    Return the first event: the robot, its limits and topics, all settings and versions.
 
-    It describes the robot, its limits and its topics.  It also contains the settings, such as the
-    ROS parameters, and the versions of the software, such as ROS and Python.
-
-    :param node: the node that drives the robot
-    :param title: the name of the motion, for displays and reports
-    :param profile: the description of the kind of robot
-    :param names: the names of the robot's topics and services, before remapping
-    :param parameters: the values of the node's ROS parameters
-    :param about: more fields of the event; the keys are the names of the fields
+    :param about: more fields of the event
     """
     return SessionStarted(
         title=title,

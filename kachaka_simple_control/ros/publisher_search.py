@@ -37,22 +37,19 @@ def start_publisher_search(domain: int, closed: Sequence[int]) -> int:
     """
     Search for velocity publishers in a child process of this process.
 
-    The child process writes a line ``publisher PARTICIPANT TOPIC`` for each publisher, where the
-    DDS participant is hexadecimal, and at its end a line ``searched``.  It ends after
-    PUBLISHER_SEARCH_TIME (0.55 s), and early if this process ends.
+    It writes a line ``publisher PARTICIPANT TOPIC`` for each (the participant is hexadecimal), and
+    ``searched`` at its end: after PUBLISHER_SEARCH_TIME (0.55 s), or with this process.
 
-    The reason for the search: a new DDS participant may discover another participant up to 3 s
-    late.  Then this program could take a robot that another program drives.  The node of the
-    search joins the graph again and again, so it discovers all others in time.  It cannot send
-    velocities itself, because other participants forget it each time.
+    A new DDS participant may discover another one up to 3 s late, and this program could take a
+    robot that another drives.  The node of the search joins the graph again and again, so it
+    discovers all others in time; it cannot send velocities, because others forget it each time.
 
-    Call this function before this process uses DDS and before it starts threads.  The search has
-    its own process because Fast DDS reads its profile only once in a process.
+    Call this before this process uses DDS or starts threads.  The search has its own process
+    because Fast DDS reads its profile once.
 
-    :param domain: the number of the ROS domain
-    :param closed: the file descriptors that the child process closes, so that their other ends
-        notice the end of this process
-    :returns: the file descriptor from which the lines are read; it ends with the search
+    :param closed: descriptors that the child closes, so that their other ends notice the end of
+        this process
+    :returns: the descriptor from which the lines are read; it ends with the search
     """
     parent = os.getpid()
     # The system removes the child process after its end.

@@ -11,12 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Claim a robot for a program, so that no second program drives the same robot.
-
-Another kind of claim is for bridges, the programs that connect a robot with ROS.  It ensures that
-a robot has only one bridge.
-"""
+"""Claim a robot: no second program drives it, and no second bridge serves it."""
 
 from __future__ import annotations
 
@@ -65,18 +60,13 @@ class RobotClaim:
     """
     Claims a robot for one program, so that no other program drives it.
 
-    On one machine, the kernel decides which program gets the claim.  Between machines, each
-    program publishes its claim on a topic that belongs to the robot.  Discovery takes time, so for
-    a moment two programs on different machines can have the claim.  Each of them reports the
-    conflict as soon as it receives the claim of the other program.
+    On one machine, the kernel decides.  Between machines, each program publishes its claim on a
+    topic of the robot; discovery takes time, so two may have it for a moment, and each reports the
+    conflict when it receives the other's claim.
 
-    :param node: the node that claims the robot; its executor serves the topic of the claims
-    :param topic: the velocity topic of the robot, after remapping
-    :param role: ``driver`` to be the only program that drives the robot, or ``bridge`` to be the
-        only program that connects the robot with ROS
-    :param on_conflict: a function that is called in the executor's thread if another program has
-        the claim as well.  Its argument is a text that describes the other program.  It can be
-        called many times for the same conflict
+    :param role: ``driver``, or ``bridge`` for the program that connects the robot with ROS
+    :param on_conflict: called in the executor's thread, maybe many times, with a text about the
+        other
     """
 
     def __init__(
@@ -91,30 +81,16 @@ class RobotClaim:
             node, _claim_topic(topic, role), on_conflict)
 
     def fileno(self) -> int:
-        """
-        Return the file descriptor of a socket; an open socket keeps the claim on the robot.
-
-        After ``take``, no other program on this machine can claim the robot while any process has
-        the socket open.  So a child process that inherits the file descriptor keeps the claim,
-        even after this program has ended.
-        """
+        """Return the descriptor of a socket; a process that inherits it keeps the claim."""
         return self._machine.fileno()
 
     def take(self, check: Callable[[], None]) -> None:
         """
-        Claim the robot on this machine, and request the claim from programs on other machines.
+        Claim the robot here and from other machines; wait until it is clear who has it.
 
-        The program that has the claim is the only one that drives the robot.  Wait until it is
-        clear whether this program gets the claim.  If this object has the claim already, only
-        check that no other program has it.
+        If this object has it already, only check the others.  Then call ``hold``, or ``withdraw``.
 
-        After this method, the caller must call ``hold`` to keep the claim, or ``withdraw`` to
-        cancel the request.
-
-        :param check: a function that is called repeatedly while waiting; it may raise an exception
-            to end the wait
-        :raises RobotTakenError: if another program, or another node of this program, has the
-            claim; the message says who has it
+        :raises RobotTakenError: if another program or node has it; the message says who
         """
         who = f'{self._node_name} (process {os.getpid()}'
         since = f'since {time.strftime("%H:%M:%S")})'
@@ -136,10 +112,9 @@ class RobotClaim:
 
     def withdraw(self) -> None:
         """
-        Tell programs on other machines that this program no longer wants the claim on the robot.
+        Take the request to other machines back, unless ``hold`` was called.
 
-        After ``hold``, this method does nothing.  On this machine, the program keeps the claim
-        until ``release`` is called.
+        On this machine the program keeps the claim until ``release``.
         """
         if self._network is not None:
             self._network.withdraw()
@@ -148,8 +123,7 @@ class RobotClaim:
         """
         Check that no other program has published that it has the claim on the robot.
 
-        :raises RobotTakenError: if another program has published this; the message says which
-            program
+        :raises RobotTakenError: if one has; the message says which
         """
         if self._network is not None and (holder := self._network.holder()) is not None:
             raise self._taken(holder)
@@ -173,16 +147,7 @@ def _claim_topic(velocity_topic: str, role: str) -> str:
 
 
 class _NetworkClaim:
-    """
-    Publishes the claim of this program on a robot, and receives the claims of other programs.
-
-    While a program has the claim on a robot, programs on other machines must not drive the robot.
-
-    :param node: the node that gets the publisher and the subscription
-    :param topic: the topic of the claims on this robot
-    :param on_conflict: a function that is called with a text that describes another program, if
-        that program and this program hold the claim at the same time
-    """
+    """Publishes the claim of this program on a robot, and receives those of others."""
 
     def __init__(self, node: Node, topic: str, on_conflict: Callable[[str], None]) -> None:
         self._joined = time.monotonic()
@@ -210,13 +175,9 @@ class _NetworkClaim:
 
     def take(self, who: str, check: Callable[[], None]) -> str | None:
         """
-        Request the claim on the robot from other programs, and wait until it is clear who gets it.
+        Request the claim, and wait until it is clear who gets it.
 
-        :param who: a text that describes this program
-        :param check: a function that is called repeatedly while waiting; it may raise an exception
-            to end the wait
-        :returns: None if this program gets the claim; otherwise a text that describes the program
-            that gets the claim or has it already
+        :returns: None if this program gets it; otherwise a text about the one that does
         """
         if self._state == HELD:
             return self.holder()
@@ -248,21 +209,16 @@ class _NetworkClaim:
             self._set_state(RELEASED)
 
     def holder(self) -> str | None:
-        """
-        Return a description of another program that has the claim on the robot.
-
-        :returns: the description; None if no other program has the claim
-        """
+        """Return a text about another program that has the claim; None if none has."""
         claim = self._claims.holder(time.monotonic())
         return None if claim is None else claim.who
 
     def release(self) -> None:
         """
-        Tell other programs that this program no longer has the claim on the robot.
+        Tell other programs that this one no longer has the claim.
 
-        A conflict means that two programs had the claim at the same time.  If this program has
-        found a conflict, first wait until CLAIM_CONFLICT_TIME (3 s) has passed since then.  During
-        this time the other program finds the conflict as well.
+        After a conflict wait first, until CLAIM_CONFLICT_TIME (3 s) has passed since: the other
+        program finds it in this time as well.
         """
         if self._conflict_found is not None:
             time.sleep(max(0.0, self._conflict_found + CLAIM_CONFLICT_TIME - time.monotonic()))

@@ -59,19 +59,12 @@ class RobotConnection:
     """
     Gets control of a robot for a drive, and releases the robot at the end.
 
-    These are the steps to get control:
+    To get control is: to find the robot, claim it, check that nobody else drives it, switch on
+    manual control, open the velocity gate, and send zero velocities for some time, so that no
+    message of the motion is lost.
 
-    1. Find the robot.
-    2. Claim the robot, so that no other program may drive it.
-    3. Check that nobody else drives the robot.
-    4. Switch on manual control, the mode in which the robot accepts velocities.
-    5. Open the velocity gate, the object through which all velocities are sent.
-    6. Send zero velocities for some time, so that no message of the motion is lost.
-
-    :param odometry_topic: the odometry topic of the robot; None if odometry is not checked
-    :param odometry: the object that detects from odometry whether the robot moves
-    :param is_taken: whether this program has control of the robot.  It becomes True after the last
-        step, and False if a drive ends early
+    :param odometry_topic: None if odometry is not checked
+    :param is_taken: whether this program has control: after all this, until a drive ends early
     """
 
     node: Node
@@ -91,14 +84,8 @@ class RobotConnection:
 
     def take(self, check: Check) -> None:
         """
-        Get control of the robot, unless this program has it already.
+        Get control of the robot; a program that has it requests manual control again after 20 s.
 
-        For this, connect with the robot, and switch on manual control, the mode in which the robot
-        accepts velocities.  If this program already has control, do nothing, with one exception:
-        request manual control again if the last request was at least 20 s ago.
-
-        :param check: a function that is called repeatedly while waiting; it may raise an exception
-            to end the wait
         :raises ControlError: if this program cannot get control of the robot
         """
         self.executor.ensure_spinning()
@@ -110,10 +97,9 @@ class RobotConnection:
 
     def release(self) -> None:
         """
-        Switch off manual control, the mode in which the robot accepts velocities.
+        Switch off manual control, if this node has requested it and no other program drives now.
 
-        Do nothing if this node has never requested manual control, if the ROS parameter
-        ``release_manual_control`` is false, or if another program now drives the robot.
+        Not with the ROS parameter ``release_manual_control`` false.
         """
         wanted = self.parameters.release_manual_control and self.manual_control.was_requested
         if not (wanted and self.node.context.ok()):
@@ -157,14 +143,11 @@ class RobotConnection:
 
     def _require_at_rest(self, check: Check) -> None:
         """
-        Check with odometry that the robot is at rest before this program drives it.
+        Check with odometry, if any arrives, that the robot is at rest before it is driven.
 
-        If the robot moves now, another program drives it, or somebody pushes it.  The ROS graph is
-        not sufficient for this check, because the other program can be discovered some seconds
-        later than the robot.  If no odometry arrives, nothing is checked.
+        If it moves, another program drives it, which may be discovered seconds later than the
+        robot, or somebody pushes it.
 
-        :param check: a function that is called repeatedly while waiting; it may raise an exception
-            to end the wait
         :raises RobotTakenError: if odometry shows motion for REST_TIMEOUT (1 s)
         """
         topic, began = self.odometry_topic, time.monotonic()
@@ -192,17 +175,11 @@ class RobotConnection:
 
     def _prime(self, check: Check) -> None:
         """
-        Send zero velocities for some time before the first motion.
+        Send zeros for ``prime_time`` before the first motion, and let the guardian send some.
 
-        The reason: the first messages can be lost, because the robot discovers our publisher later
-        than our publisher discovers the robot.  So these messages must not be part of the motion.
+        The robot may discover a publisher later than the publisher the robot: the first messages
+        can be lost.
 
-        The ROS parameter ``prime_time`` says how long the zero velocities are sent.  The guardian
-        also sends zero velocities.  It is a separate process that stops the robot if this program
-        cannot.
-
-        :param check: a function that is called repeatedly; it may raise an exception to end this
-            method
         :raises RunFaultError: if the guardian does not send its zero velocities
         """
         end, count = time.monotonic() + self.parameters.prime_time, self.guardian.prime_count
@@ -227,20 +204,11 @@ def start_guardian(
         node: Node, publisher: VelocityPublisher, profile: RobotProfile,
         parameters: NodeParameters, claim: int) -> Guardian | NullGuardian:
     """
-    Let the guardian watch a robot, unless the ROS parameter ``guardian`` is false.
+    Let the guardian watch a robot; a NullGuardian if the ROS parameter ``guardian`` is false.
 
-    The guardian is a separate process that stops the robot if this program cannot.  One process
-    watches all robots of a ROS context.  It is started for the first robot.
+    One process watches all robots of a ROS context; it is started for the first.
 
-    :param node: the node that drives the robot
-    :param publisher: the publisher of velocities of this node
-    :param profile: the description of the kind of robot
-    :param parameters: the values of the node's ROS parameters
-    :param claim: the file descriptor of the socket for the claim on the robot.  No other program
-        may drive the robot while this socket is open.  The guardian keeps the socket open while
-        the guardian watches the robot
-    :returns: the interface to the guardian for this robot; without a guardian, a NullGuardian,
-        whose methods do almost nothing
+    :param claim: the descriptor of the claim, which the guardian keeps open while it watches
     :raises UsageError: if the guardian already watches the largest possible number of robots
     :raises RunFaultError: if the process could not be started
     """
@@ -266,15 +234,9 @@ def wait_for_rest(
     """
     Wait before a motion with a closed loop until odometry shows the robot at rest.
 
-    A closed loop corrects the velocities with the poses from odometry.
-
-    :param feedback: the closed loop, which receives the poses
-    :param odometry: the object that detects from odometry whether the robot moves
     :param name: how error messages call the odometry
-    :param check: a function that is called repeatedly while waiting; it may raise an exception to
-        end the wait
-    :raises MotionRefusedError: if FEEDBACK_START_TIMEOUT (3 s) has passed, and odometry still
-        shows motion, has time stamps that do not change, or has not arrived
+    :raises MotionRefusedError: if, after FEEDBACK_START_TIMEOUT (3 s), odometry still shows
+        motion, has time stamps that do not change, or has not arrived
     """
     def is_at_rest() -> bool:
         check()

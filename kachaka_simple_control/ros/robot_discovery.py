@@ -43,20 +43,10 @@ HINT = ('. Is its bridge running, in the same ROS_DOMAIN_ID? Compare the name wi
 
 class RobotDiscovery:
     """
-    Finds the robot in the ROS graph by its subscription to velocities and its odometry.
+    Finds the robot in the ROS graph: the DDS participant that takes velocities and has odometry.
 
-    A robot is one DDS participant that publishes odometry.  If a robot has no odometry, only its
-    subscription to the velocities identifies it.
-
-    :param node: the node that reads the ROS graph
-    :param names: the names of the robot's topics and services, before remapping
-    :param publisher: the publisher of velocities of this node
-    :param manual_control: the client of the service that makes the robot accept velocities; this
-        service must be available if the robot needs it
-    :param guardian: the guardian, a separate process that stops the robot if this program cannot.
-        Its publisher counts as a publisher of this program, and must discover the robot before a
-        motion begins
-    :param profile: the description of the kind of robot
+    :param manual_control: its service must be available if the robot needs it
+    :param guardian: its publisher counts as one of this program, and must discover the robot
     """
 
     def __init__(
@@ -90,8 +80,7 @@ class RobotDiscovery:
         """
         Accept only a robot that has a given DDS participant.
 
-        :param participant: a function that returns the identifier of this DDS participant, or None
-            while the identifier is not known.  While it returns None, no robot is accepted
+        :param participant: None while it is not known: no robot is accepted then
         """
         self._required_participant = participant
 
@@ -99,11 +88,7 @@ class RobotDiscovery:
         """
         Wait until a robot is found in the ROS graph and can be driven.
 
-        :param timeout: how long to wait [s]
-        :param check: a function that is called repeatedly while waiting; it may raise an exception
-            to end the wait
-        :raises RobotNotFoundError: if no robot can be driven after the timeout; the message says
-            what is missing
+        :raises RobotNotFoundError: at the timeout; the message says what is missing
         """
         if not wait_until(lambda: not self._problem(), timeout, check):
             raise RobotNotFoundError(self._not_found(timeout))
@@ -112,11 +97,6 @@ class RobotDiscovery:
         """
         Wait until the robot can be driven, and the guardian's publisher has discovered the robot.
 
-        The guardian is a separate process that stops the robot if this program cannot.
-
-        :param timeout: how long to wait [s]
-        :param check: a function that is called repeatedly while waiting; it may raise an exception
-            to end the wait
         :raises RobotNotFoundError: if this takes longer than the timeout
         """
         if not wait_until(
@@ -130,13 +110,8 @@ class RobotDiscovery:
         """
         Wait until this node has discovered the publishers that the guardian's search has found.
 
-        The guardian is a separate process.  At its start it searches for velocity publishers.
-        This node may discover another program up to 3 s later than the search.  Only after that
-        can this node receive the velocities of the other program.  If a publisher has left
-        meanwhile, the wait ends after DISCOVERY_TIMEOUT (3.5 s).
-
-        :param check: a function that is called repeatedly while waiting; it may raise an exception
-            to end the wait
+        Up to 3 s later than the search; before, this node cannot receive the velocities of another
+        program.  If a publisher has left meanwhile, the wait ends after DISCOVERY_TIMEOUT (3.5 s).
         """
         topic = self._publisher.topic_name
 
@@ -152,38 +127,34 @@ class RobotDiscovery:
         """
         Check that the robot still subscribes to the velocities of this node.
 
-        :raises RunFaultError: if no subscription matches the publisher of this node
+        :raises RunFaultError: if it does not
         """
         if not self.is_subscribed:
             raise self._subscriber_left()
 
     def has_changed(self) -> bool:
         """
-        Return whether any count of publishers or subscribers has changed since the last call.
+        Return whether a count of publishers or subscribers has changed since the last call.
 
-        Three things are counted: publishers of velocities, subscribers of velocities, and
-        publishers of odometry.  If another robot replaces the robot between two calls, the counts
-        can be the same as before; use ``check_identity`` to detect this.
+        Another robot may have replaced the robot without a change: see ``check_identity``.
         """
         before, self._counts = self._counts, self._endpoint_counts()
         return self._counts != before
 
     def remember_robot(self) -> None:
         """
-        Store the DDS participants of the robot, so that ``check_identity`` can compare them later.
+        Store the participants of the robot for ``check_identity``.
 
-        These are the subscribers of velocities that also publish odometry.  If no subscriber
-        publishes odometry, these are all subscribers of velocities.
+        They are the subscribers of velocities that publish odometry; all subscribers if none does.
         """
         subscribers = self._subscribers()
         self._robot = subscribers & set(self._odometry_publishers()) or subscribers
 
     def check_identity(self) -> None:
         """
-        Check that the robot is still the one whose DDS participant ``remember_robot`` has stored.
+        Check that the robot is still the one that ``remember_robot`` has stored.
 
-        :raises RunFaultError: if the robot was replaced by another robot, or has left the ROS
-            graph
+        :raises RunFaultError: if it was replaced by another one, or has left the ROS graph
         """
         subscribers = self._subscribers()
         if not subscribers:
@@ -196,7 +167,7 @@ class RobotDiscovery:
         """
         Check that not more than one robot publishes odometry on the odometry topic.
 
-        :raises RunFaultError: if there is more than one publisher of odometry
+        :raises RunFaultError: if more do
         """
         if (count := len(self._odometry_publishers())) > 1:
             raise RunFaultError(self._several_robots(count))

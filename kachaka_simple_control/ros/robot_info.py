@@ -35,14 +35,11 @@ class RobotInfo:
     """
     Receives the charge of a Kachaka's battery and the errors that it reports.
 
-    The official bridge publishes the errors on a topic of its own, and the bridge of this package
-    on ``/diagnostics``.  Without the package diagnostic_msgs, only the charge is received.
+    The official bridge has a topic for the errors, the bridge of this package ``/diagnostics``;
+    without diagnostic_msgs, only the charge is received.
 
-    :param node: the node that gets the subscriptions
-    :param namespace: the ROS namespace of the robot
-    :ivar battery: the charge of the battery, from 0 to 1; None before the robot has told it
-    :ivar errors: the errors that the robot reports, as text; empty if there are none, None before
-        the robot has told it
+    :ivar battery: from 0 to 1; None before the robot has told it
+    :ivar errors: as text; empty if there are none, None before the robot has told it
     """
 
     def __init__(self, node: Node, namespace: str) -> None:

@@ -69,19 +69,13 @@ class Session:
     """
     Connects a node with one robot, drives the robot, and stops it.
 
-    The robot is stopped at the end of each drive, after an error, and when ``close`` is called.  A
-    motion is planned and driven in the thread that calls ``drive``, one motion at a time.  Any
-    thread may call ``stop``, ``stop_permanently`` and ``close``.
+    The robot is stopped at the end of each drive, after an error, and by ``close``.  ``drive``
+    plans and drives in its thread, one motion at a time.  Any thread may call ``stop``,
+    ``stop_permanently`` and ``close``.
 
-    :param node: the node that publishes the velocities
-    :param publisher: the velocity publisher of this node; only the velocity gate, which checks
-        each velocity, sends with it
-    :param profile: the description of the kind of robot
-    :param names: the names of the robot's topics and services, before remapping
-    :param parameters: the values of the node's ROS parameters
-    :param publish: a function that puts an event into a queue, for displays and recordings, and
-        returns at once
-    :param reader: the object that receives odometry; None if there is no odometry
+    :param publisher: only the velocity gate sends with it
+    :param publish: puts an event into a queue, and returns at once
+    :param reader: None if there is no odometry
     """
 
     def __init__(
@@ -165,12 +159,11 @@ class Session:
 
     def request(self, elsewhere: bool = False) -> DriveRequest:
         """
-        Request a drive, so that a stop can end this drive even before the method ``drive`` runs.
+        Request a drive, so that a stop can end it even before ``drive`` runs.
 
-        :param elsewhere: True if another thread will call ``drive``, not the calling thread
-        :returns: the request, which is passed to ``drive``
-        :raises ControlError: if another drive is under way, if no motion may start any more, or if
-            the calling thread runs a callback of the node and so cannot drive
+        :param elsewhere: whether another thread will call ``drive``
+        :raises ControlError: if another drive is under way, no motion may start any more, or the
+            calling thread runs a callback of the node and so cannot drive
         """
         if self._stopped_by is not None:
             raise type(self._stopped_by)(
@@ -184,15 +177,11 @@ class Session:
 
     def drive(self, order: DriveOrder, request: DriveRequest | None = None) -> Plan:
         """
-        Plan a motion, drive the robot through it, and leave the robot at rest.
+        Plan a motion, drive the robot through it, and leave the robot at rest; return the plan.
 
-        :param order: the motion, the limits of velocity and acceleration, and how often a velocity
-            is sent
-        :param request: the return value of the method ``request``; None to call ``request`` now
-        :returns: the plan, which was driven to its end
+        :param request: the result of ``request``; None to request now
         :raises InvalidMotionError: if the robot cannot do the motion; the robot has not moved then
-        :raises ControlError: if this program could not get control of the robot, or if the drive
-            ended before the end of the plan
+        :raises ControlError: if there is no control of the robot, or the drive ended early
         """
         request = request or self.request()
         with self._accepted(request):
@@ -209,16 +198,12 @@ class Session:
             self, title: str, source: VelocitySource, period: float,
             request: DriveRequest | None = None) -> None:
         """
-        Send the velocities of a source without a plan, and leave the robot at rest.
+        Send the velocities of a source until it has no more, and leave the robot at rest.
 
-        The drive ends when the source has no more velocities.
-
-        :param title: the name of the drive
-        :param source: the source, for example the velocities that a person commands by hand
         :param period: the normal time between two velocities [s]
-        :param request: the return value of the method ``request``; None to call ``request`` now
-        :raises ControlError: if this program could not get control of the robot, or if a fault or
-            a stop ended the drive
+        :param request: the result of ``request``; None to request now
+        :raises ControlError: if there is no control of the robot, or a fault or a stop ended the
+            drive
         """
         request = request or self.request()
         with self._accepted(request):
@@ -241,11 +226,7 @@ class Session:
         """
         Get control of the robot, send the velocities of a source, and leave the robot at rest.
 
-        :param source: the source of the velocities
-        :param period: the normal time between two velocities [s]
-        :param request: the accepted request for this drive
-        :param begin_feedback: a function that starts the closed loop when the robot is taken, and
-            returns it; None without a closed loop
+        :param begin_feedback: starts the closed loop when the robot is taken; None without one
         """
         try:
             self._prepare(request, begin_feedback, period)
@@ -274,16 +255,7 @@ class Session:
     def _prepare(
             self, request: DriveRequest,
             begin_feedback: Callable[[], PoseFeedback | None], period: float) -> None:
-        """
-        Get control of the robot, and prepare the checks and corrections for a drive.
-
-        Also log a message if the robot will drive slower than planned, or if the motion is paused.
-
-        :param request: the request for this drive; if a stop has come since the request, this
-            object contains the error that describes the stop
-        :param begin_feedback: a function that starts the closed loop, if the drive has one
-        :param period: the normal time between two velocities [s]
-        """
+        """Get control of the robot, and prepare checks; log a pause or a lower speed."""
         self._request, self._has_reported = request, False
         request.period = period
         self.require_not_stopped()
@@ -306,11 +278,7 @@ class Session:
         """
         Stop the robot after an error in a drive, and return the error that the drive has to raise.
 
-        The guardian is a separate process that stops the robot if this program cannot.
-
-        :param error: the error that has ended the drive
-        :returns: a RunFaultError with the reason of the guardian, if the guardian has stopped the
-            robot; otherwise ``error``
+        :returns: a RunFaultError with the guardian's reason if the guardian has stopped the robot
         """
         self._connection.is_taken = False
         if (failure := self._stopper.stop(errors.control_error(error))) is not None:
@@ -329,16 +297,13 @@ class Session:
 
     def stop(self, caller: str) -> str:
         """
-        Stop the robot, and wait until the stop is complete.
+        Stop the robot, and wait until the stop is complete; return a text for the user.
 
-        A drive that is under way ends with an error, even if the robot does not move yet.  No
-        message is sent if this node does not have control of the robot yet, or if the robot is
-        stopped already.
+        A drive ends with an error, even before the robot moves.  Nothing is sent to a robot of
+        which this node has no control, or that is stopped already.
 
-        :param caller: who stops the robot, for the text of the error that ends the drive
-        :returns: a text for the user that says what was done
-        :raises RunFaultError: if the stop could not be sent, or odometry shows that the robot
-            still moves
+        :param caller: who stops the robot, for the error that ends the drive
+        :raises RunFaultError: if the stop could not be sent, or the robot still moves by odometry
         """
         reason = errors.MotionStoppedError(f'the movement was ended by {caller}')
         was_stopped = self._stopper.is_stopped
@@ -369,8 +334,7 @@ class Session:
         """
         Stop the robot, and refuse every later motion of this node.
 
-        :param reason: the error that each later motion raises; only the reason of the first call
-            counts
+        :param reason: the error that each later motion raises; only the first one counts
         """
         self._stopped_by = self._stopped_by or reason
         self._stopped.set()
@@ -378,13 +342,7 @@ class Session:
         self._stop(reason)
 
     def _log_once(self, failure: str) -> None:
-        """
-        Log that a stop has failed, unless this failure was reported before.
-
-        Any thread may call this method.
-
-        :param failure: the text for the log
-        """
+        """Log that a stop has failed, unless this was reported before; for any thread."""
         with self._logging:
             has_reported, self._has_reported = self._has_reported, True
         if not has_reported:
@@ -393,16 +351,9 @@ class Session:
     def on_odometry(
             self, now: float, pose: Pose, velocity: Velocity, is_new: bool = True) -> None:
         """
-        Process one odometry message.
+        Process one odometry message: for standstill, pauses, and the closed loop.
 
-        Odometry shows whether the robot stands still, and whether somebody moved it during a
-        pause.  A closed loop also corrects the velocities with the poses of new messages.
-
-        :param now: the time of arrival [s on the steady clock]
-        :param pose: the pose of the robot
-        :param velocity: the velocity of the robot
-        :param is_new: whether the time stamp of this message is later than that of the previous
-            message; also True if this message has no time stamp
+        :param is_new: whether its time stamp is later than the one before, or it has none
         """
         self.odometry.on_odometry(now, velocity)
         if self._feedback is not None and is_new:
@@ -412,12 +363,9 @@ class Session:
 
     def check_resume(self, even_if_moved: bool) -> None:
         """
-        Check that a paused motion may continue.
+        Check that a paused motion may continue; without one, that motions are allowed.
 
-        If no motion is under way, only check that motions are allowed.
-
-        :param even_if_moved: whether the motion may continue from the place where the robot stands
-            now, if somebody moved the robot during the pause
+        :param even_if_moved: whether it may continue from where somebody moved the robot to
         :raises ControlError: if the motion may not continue
         """
         self.require_not_stopped()
@@ -447,11 +395,7 @@ class Session:
                 'nothing moves until this program is started again, for its guardian has ended')
 
     def close(self) -> None:
-        """
-        Stop the robot, release it, and end the threads that serve the node.
-
-        After this call nothing is sent to the robot, and every later motion is refused.
-        """
+        """Stop and release the robot, end the threads of the node, refuse later motions."""
         with self._closing:
             if not self._is_closed:
                 self.stop_permanently(errors.MotionRefusedError(errors.ENDED))
@@ -470,10 +414,7 @@ class Session:
         """
         Run the node's callbacks in a background thread, and wait for ``stop_permanently``.
 
-        A call of ``stop_permanently``, for example after a signal, stops the robot for good.
-
-        :raises ControlError: always, at the end; it is the error that says why the robot was
-            stopped for good
+        :raises ControlError: always, at the end: why the robot was stopped for good
         """
         self._executor.ensure_spinning()
         # Do not serve them in this thread: if a signal interrupts rclpy while it creates a message
@@ -483,25 +424,15 @@ class Session:
 
     def require_robot(self, participant: Callable[[], bytes | None]) -> None:
         """
-        Accept only the robot that has a given DDS participant, and no other robot.
+        Accept only the robot with a DDS participant, such as that of a bridge which we started.
 
-        A program that has started a simulated robot or a bridge uses this method, so that it
-        drives only this robot.
-
-        :param participant: a function that returns the identifier of the DDS participant; None
-            while it is not known
+        :param participant: returns it; None while it is not known
         """
         self._discovery.require_participant(participant)
 
     @property
     def guardian_memory(self) -> tuple[int, int] | None:
-        """
-        Return the file descriptor of the guardian's shared memory, and the robot's number in it.
-
-        The guardian is a separate process that stops the robot if this program cannot.  This
-        program shares the memory with it.  The number says which part of the memory belongs to the
-        robot.  Return None if there is no guardian.
-        """
+        """Return the descriptor of the guardian's memory and the slot; None without it."""
         return self._guardian.shared_memory
 
     @property
@@ -521,12 +452,7 @@ class Session:
 
     @property
     def has_subscriber(self) -> bool:
-        """
-        Whether the robot subscribes to the velocities of this node and to those of the guardian.
-
-        The guardian is a separate process that stops the robot if this program cannot.  If there
-        is no guardian, only the subscription to this node counts.
-        """
+        """Return whether the robot subscribes to this node and to its guardian, if any."""
         return self._discovery.is_subscribed and self._guardian.is_matched
 
     @property
@@ -534,19 +460,13 @@ class Session:
         """
         Return the time from the start of the last stop until odometry showed rest [s].
 
-        Return None before the first stop, or if odometry does not show the robot at rest.
+        :returns: None before the first stop, or if odometry does not show the robot at rest
         """
         started, still = self._stopper.stop_started, self.odometry.still_since(time.monotonic())
         return None if started is None or still is None else max(0.0, still - started)
 
     def _begin_feedback(self, plan: Plan, limits: Limits) -> PoseFeedback:
-        """
-        Wait until odometry shows the robot at rest, then start the closed loop for a plan.
-
-        :param plan: the plan whose velocities the closed loop corrects with poses from odometry
-        :param limits: the limits of velocity and acceleration for the corrected velocities
-        :returns: the closed loop
-        """
+        """Wait until odometry shows the robot at rest, then start the closed loop for a plan."""
         assert self._feedback is not None
         wait_for_rest(
             self._feedback, self.odometry, f'odometry on {self._feedback_topic}',
@@ -579,12 +499,7 @@ class Session:
                 'such a drive fail')
 
     def _is_still_moving(self) -> bool:
-        """
-        Return whether a stop has to send more zero velocities.
-
-        Return True if odometry shows that the robot moves, or if odometry no longer arrives.  But
-        if another program now sends velocities to the robot, always return False.
-        """
+        """Return whether odometry shows motion or is lost, and nobody else drives."""
         now = time.monotonic()
         # After a link failure, the kernel keeps messages for 3 s, including velocities.  They must
         # be gone before our publisher is destroyed: after that, a reader drops the zeros that
@@ -593,11 +508,7 @@ class Session:
         return needed and not self._foreign.has_recent(now)
 
     def _stop(self, reason: errors.ControlError) -> None:
-        """
-        Stop the robot; log an error if the stop fails, or if odometry still shows motion after it.
-
-        :param reason: the error that ends a drive that is under way
-        """
+        """Stop the robot; log an error if the stop fails, or the robot still moves."""
         if (failure := self._stopper.stop(reason) or self._unconfirmed()) is not None:
             self._log_once(failure)
 
@@ -605,8 +516,7 @@ class Session:
         """
         Return an error text if odometry still shows motion after a stop, else None.
 
-        Also return None if this node did not have control of the robot, or if another program now
-        sends velocities to the robot: this node did not cause the motion then.
+        None, too, if this node had no control of the robot, or another program drives it now.
         """
         now = time.monotonic()
         # Before the gate is open, or while another program drives, motion is not our failure.
@@ -617,11 +527,7 @@ class Session:
         return None
 
     def _require_wanted(self) -> None:
-        """
-        Raise an error if a stop came while the drive still waited for the robot.
-
-        :raises ControlError: the error that says who or what has stopped the drive
-        """
+        """Raise what has stopped the drive while it waited for the robot, if anything."""
         self.require_not_stopped()
         if self._request is not None and self._request.run.ended_by is not None:
             raise self._request.run.ended_by
@@ -641,12 +547,9 @@ class Session:
 
     def _end_run(self, reason: errors.ControlError) -> None:
         """
-        End the drive that is under way, and send one zero velocity at once.
+        End the drive under way, if there is one, and send one zero velocity at once.
 
-        After that, the thread in which ``drive`` runs sends the other zero velocities of the stop,
-        and raises the error.  If no drive is under way, do nothing.
-
-        :param reason: the error that says why the drive ends; ``drive`` raises it
+        The thread of ``drive`` sends the others, and raises the error.
         """
         # Without a drive this program moves nothing, and it must not disturb another program.
         if not self._requests.is_busy:
@@ -663,12 +566,7 @@ class Session:
 
 
 def _text(error: BaseException) -> str:
-    """
-    Return a text that says why a drive ended, for displays and logs.
-
-    :param error: the error that ended the drive.  If a signal was received, the text names the
-        signal instead
-    """
+    """Return a text that says why a drive ended, for displays and logs."""
     if signal_dispatcher.signum is not None:
         return f'stopped by {signal.Signals(signal_dispatcher.signum).name}'
     return str(error) or type(error).__name__

@@ -36,14 +36,7 @@ class SessionStatus:
     """
     The state of the connection with a robot at one time, for diagnostics.
 
-    :param subscriber_count: the number of subscribers of the node's velocities
-    :param other_publishers: the names of other nodes that publish velocities
-    :param guardian: a text with the state of the guardian, a separate process that stops the robot
-        if this program cannot
     :param odometry_age: the age of the newest odometry [s]; None if none was received
-    :param manual_control: a text that says whether and when this node has switched on manual
-        control, the mode in which the robot accepts velocities
-    :param speed: a text that says why and how much the robot drives slower than planned
     :param stopped_by: why no motion can start again; None if motions can start
     """
 
@@ -58,17 +51,9 @@ class SessionStatus:
 
 class StatusReader:
     """
-    Reads the state of the connection with a robot without changing it, for diagnostics.
+    Reads the state of the connection with a robot, in any thread, for diagnostics.
 
-    Any thread may call the methods.
-
-    :param drive: the object that drives the robot, and knows the progress of the newest motion
-    :param discovery: the object that finds the robot and other programs in the ROS graph
-    :param guardian: the guardian, a separate process that stops the robot if this program cannot
-    :param odometry: the object that receives odometry, and knows the age of the newest message
-    :param manual_control: the client that makes the robot accept velocities
-    :param stopped_by: a function that returns why no motion can start again; None if motions can
-        start
+    :param stopped_by: returns why no motion can start again; None if motions can start
     """
 
     def __init__(
@@ -93,11 +78,7 @@ class StatusReader:
         return self._drive.progress
 
     def read(self, now: float) -> SessionStatus:
-        """
-        Return the current state of the connection with the robot, for diagnostics.
-
-        :param now: the current time [s on the steady clock]
-        """
+        """Return the current state of the connection with the robot, for diagnostics."""
         stopped_by = self._stopped_by()
         return SessionStatus(
             subscriber_count=self._discovery.subscriber_count,
@@ -118,12 +99,7 @@ def _guardian(guardian: Guardian | NullGuardian) -> str:
 
 
 def diagnose(progress: RunProgress, status: SessionStatus) -> Diagnosis:
-    """
-    Return a diagnosis of the drive: OK, a warning or an error, with a message and named values.
-
-    :param progress: how far the newest motion has come, and why it ended
-    :param status: the state of the connection with the robot
-    """
+    """Return a diagnosis of the drive: OK, a warning or an error, with named values."""
     state = 'stopped permanently' if status.stopped_by is not None else progress.state.value
     level, message = _worst(progress, status, state)
     age = status.odometry_age

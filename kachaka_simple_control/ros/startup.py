@@ -66,10 +66,9 @@ def start_ros(arguments: Sequence[str]) -> None:
     """
     Initialise ROS, but without the signal handlers of rclpy.
 
-    Call this function before the program starts other threads, because it redirects standard error
-    for a moment.
+    Before the program starts other threads: standard error is redirected for a moment.
 
-    :param arguments: the ROS arguments, from ``--ros-args`` on; other arguments are ignored
+    :param arguments: from ``--ros-args`` on; others are ignored
     :raises UsageError: if ROS does not understand the arguments or an environment variable
     """
     with _checked(arguments):
@@ -103,7 +102,6 @@ def strip_ros_arguments(arguments: Sequence[str]) -> list[str]:
     """
     Return the arguments of a command line that are not for ROS.
 
-    :param arguments: all arguments of the command line
     :raises UsageError: if ROS does not understand the ROS arguments or an environment variable
     """
     with _checked(arguments):
@@ -115,9 +113,7 @@ def _checked(arguments: Sequence[str]) -> Iterator[None]:
     """
     Check ROS arguments and environment variables, then run the block of a ``with`` statement.
 
-    :param arguments: the ROS arguments of the command line
-    :raises UsageError: if the check fails, or if rclpy raises an error in the block; the message
-        has one line
+    :raises UsageError: in one line, also for an error of rclpy in the block
     """
     check_environment()
     if warning := use_log_folder():
@@ -133,11 +129,8 @@ def _checked(arguments: Sequence[str]) -> Iterator[None]:
 
 def _check_remaps(arguments: Sequence[str]) -> None:
     """
-    Check the names in remap rules of the form ``-r FROM:=TO``.
+    Check the names in remap rules of the form ``-r FROM:=TO``: ROS does not say what is wrong.
 
-    The reason: the error messages of ROS do not say what is wrong with a name.
-
-    :param arguments: the ROS arguments of the command line
     :raises UsageError: if a rule or a namespace is invalid, or a name is too long
     """
     is_for_ros = False
@@ -157,13 +150,7 @@ def _check_remaps(arguments: Sequence[str]) -> None:
 
 
 def _explanation(text: str) -> str:
-    """
-    Turn the text of an rclpy error into one line, with advice for the user.
-
-    File names and line numbers of the source code of ROS are removed from the text.
-
-    :param text: the text of the error
-    """
+    """Turn the text of an rclpy error into one line, with advice and without its source places."""
     if text.startswith('['):
         return (f'ROS does not know {escaped(text.strip("[]"), 100)} among its arguments: after '
                 '--ros-args stand -p NAME:=VALUE, -r FROM:=TO, --params-file FILE and the like; '
@@ -177,12 +164,7 @@ def _explanation(text: str) -> str:
 
 @contextlib.contextmanager
 def one_line_errors(name: str) -> Iterator[None]:
-    """
-    Turn an error in a ``with`` block that creates a node into a UsageError of one line.
-
-    :param name: the name of the node, for the error message
-    :raises UsageError: if the node cannot be created
-    """
+    """Turn an error in a ``with`` block that creates a node into a UsageError of one line."""
     try:
         with print_only_on_success():
             yield
@@ -202,14 +184,9 @@ def check_node_names(
         node: Node, robot: RobotNames, topics: Iterable[str], services: Iterable[str],
 ) -> None:
     """
-    Check that a node's topic and service names are not too long, and that no two are equal.
+    Check that the names of a node's topics and services, remapped, are short enough and differ.
 
-    The names are checked after remapping.
-
-    :param node: the node, before it has created its topics and services
-    :param robot: the names of the robot's topics and services, before remapping
-    :param topics: the names of the node's topics, without the topics that every node has
-    :param services: the names of the node's services, without the services that every node has
+    :param node: before it has created them
     :raises UsageError: if a name is too long, or two names are equal
     """
     roles = {robot.velocity: 'which moves the robot', robot.odometry: "the robot's odometry",
@@ -238,10 +215,7 @@ def _resolved(node: Node, name: str, kind: str) -> str:
     """
     Return the full name of a topic or service, with namespace and remapping applied.
 
-    :param node: the node that has the topic or service
-    :param name: the name, before remapping
-    :param kind: ``topic`` or ``service``
-    :raises UsageError: if the full name is invalid or too long
+    :raises UsageError: if it is invalid or too long
     """
     resolve = node.resolve_topic_name if kind == 'topic' else node.resolve_service_name
     try:

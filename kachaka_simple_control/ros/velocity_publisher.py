@@ -37,8 +37,6 @@ def taken_type(node: Node, topic: str, timeout: float) -> str | None:
     """
     Return which message type the subscribers of a velocity topic take: Twist if both are taken.
 
-    :param topic: the topic, before remapping
-    :param timeout: how long to wait for a subscriber [s]
     :returns: a key of TYPES; None if nobody subscribes within the timeout, or to another type
     """
     def taken() -> set[str]:
@@ -59,15 +57,8 @@ class VelocityPublisher:
     """
     Publishes velocities; the usual method ``publish`` refuses every message.
 
-    The reason: no velocity may be sent without a check.  Only two callers send messages, with the
-    method ``transmit``: the velocity gate, which checks each velocity, and the guardian, a
-    separate process that sends only zero velocities.  Other attributes, such as ``topic_name``,
-    come from the rclpy publisher that this object contains.
-
-    :param node: the node that gets the publisher
-    :param topic: the topic on which velocities are published
-    :param message_type: the type of the messages, ``Twist`` or ``TwistStamped``
-    :param frame: the frame in the header of a stamped message
+    No velocity may be sent unchecked, so only two call ``transmit``: the velocity gate, and the
+    guardian, which sends zeros.  Other attributes come from the rclpy publisher.
     """
 
     def __init__(self, node: Node, topic: str, message_type: str, frame: str) -> None:
@@ -78,12 +69,7 @@ class VelocityPublisher:
         self.sent = SentMessages()
 
     def transmit(self, velocity: Velocity) -> None:
-        """
-        Publish a velocity without a check.
-
-        Only two callers may call this method: the velocity gate, which has checked the velocity,
-        and the guardian, a separate process that sends only zero velocities.
-        """
+        """Publish a velocity without a check; for the velocity gate and the guardian only."""
         data = self._messages.serialized(velocity)
         self.sent.record(time.monotonic(), data)
         self._publisher.publish(data)
@@ -94,7 +80,7 @@ class VelocityPublisher:
 
     def publish(self, msg: Any) -> None:  # noqa: ARG002
         """
-        Refuse to publish a message, because only checked velocities may be sent to the robot.
+        Refuse to publish a message: only checked velocities may be sent to the robot.
 
         :raises MotionRefusedError: always; the message says which functions to call instead
         """
@@ -109,15 +95,10 @@ class VelocityPublisher:
 
 class _MessageCache:
     """
-    Serializes velocities for a publisher, and keeps the newest message to use it again.
+    Serializes velocities, and keeps the newest message for the same Velocity object.
 
-    If the next velocity is the same Velocity object, the kept message is used again.  If it is a
-    stamped message, it gets a new stamp and is serialized again.  The reason: a plan often
-    contains the same object several times, and creating a message takes longer than publishing it.
-
-    :param node: the node whose clock gives the time stamps
-    :param message_type: the type of the messages, ``Twist`` or ``TwistStamped``
-    :param frame: the frame in the header of a stamped message
+    A plan often contains the same object several times, and to make a message takes longer than to
+    publish it.  A stamped message gets a new stamp each time.
     """
 
     def __init__(self, node: Node, message_type: str, frame: str) -> None:

@@ -111,7 +111,6 @@ def twist_stamped(velocity: Velocity, time: int, frame: str) -> bytes:
     """
     Return a velocity as a serialized ``geometry_msgs/msg/TwistStamped``.
 
-    :param velocity: the velocity
     :param time: the time stamp [ns]
     :param frame: the frame in the header of the message
     """
@@ -127,8 +126,6 @@ def odometry(pose: Pose, velocity: Velocity, time: int) -> bytes:
     """
     Return a pose and a velocity as a serialized ``nav_msgs/msg/Odometry``.
 
-    :param pose: the pose in the frame ``odom``
-    :param velocity: the velocity in the frame ``base_link``
     :param time: the time at which the odometry has arrived [ns], for the header
     """
     return (CdrWriter().header(time, ODOM).string(BASE)
@@ -169,7 +166,6 @@ class PathSerializer:
         """
         Serialize a pose, so that the result can be passed to ``path``.
 
-        :param pose: the pose
         :param time: when the robot is at the pose [ns of ROS time]; 0 if unknown
         :returns: the serialized pose with its time stamp and its frame
         """
@@ -179,7 +175,6 @@ class PathSerializer:
         """
         Return a path as a serialized ``nav_msgs/msg/Path``.
 
-        :param poses: the poses of the path, each serialized by ``pose``
         :param time: the time stamp of the path [ns of ROS time]
         """
         writer = CdrWriter().header(time, self._frame).uint32(len(poses))

@@ -43,10 +43,6 @@ class _Reader:
     """
     A reader of events: a function that is called with each event, for example to record it.
 
-    :param handle: the function that is called with each event
-    :param on_detached: a function that is called with the reason when the reader is detached,
-        which means that it gets no more events
-    :param wants: a function that returns whether the reader needs an event
     :param busy: the total run time of ``handle`` since the queue of events was last empty [s]
     """
 
@@ -128,7 +124,6 @@ class EventBus:
         """
         Add a reader: a function that is called with each event from now on.
 
-        :param handler: the function
         :param on_detached: a function that is called with the reason if the handler gets no more
             events, because it has raised an error or is too slow; the output of the handler is
             then incomplete
@@ -144,8 +139,6 @@ class EventBus:
         Put an event into a queue, and return at once; the readers get it in another thread.
 
         Any thread may call this method.
-
-        :param event: the event
         """
         for reader in self._readers:
             if reader.wants(event):
@@ -165,7 +158,6 @@ class EventBus:
         """
         Wait until the readers have got all events that were published before this call.
 
-        :param timeout: how long to wait at most [s]
         :returns: whether the readers have got all these events in time
         """
         if self._thread is None:
@@ -219,7 +211,6 @@ class EventBus:
         """
         Call each reader with an event.
 
-        :param call: the event, and the readers that have not got it yet
         :returns: True if this thread has called all readers; False if one reader took too long, so
             that another thread calls the remaining readers
         """
@@ -266,13 +257,7 @@ class EventBus:
         self._queue.put(partial(self._report, reader, str(error)))
 
     def _report(self, reader: _Reader, reason: str) -> None:
-        """
-        Report that a reader was detached, which means that it gets no more events.
-
-        :param reader: the reader; its function ``on_detached`` is called first, then that of the
-            bus
-        :param reason: why the reader was detached
-        """
+        """Report that a reader was detached, which means that it gets no more events."""
         name = getattr(reader.handle, '__qualname__', type(reader.handle).__name__)
         reader.on_detached(reason)
         self._on_detached(f'the reader of events {name} was detached, and is incomplete: {reason}')

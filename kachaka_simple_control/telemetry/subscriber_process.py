@@ -68,7 +68,6 @@ class Chunk:
 
     An event is divided into parts if it is too large for one write to a pipe.
 
-    :param data: the bytes of this part
     :param is_last: whether this is the last part of the event
     """
 
@@ -82,9 +81,6 @@ def encode(event: object) -> list[bytes]:
 
     A pipe accepts each packet either completely or not at all, so several threads may write
     packets to the same pipe.  Most events need only one packet.
-
-    :param event: an object that can be pickled
-    :returns: the packets, in order
     """
     data = pickle.dumps(event, pickle.HIGHEST_PROTOCOL)
     if len(data) <= ATOMIC_WRITE_SIZE:
@@ -128,7 +124,6 @@ class SubscriberProcess:
     :param command: the command to run; it reads events from its standard input
     :param stdout: the file for the standard output of the command; None for the standard output of
         the parent process
-    :param pass_fds: the file descriptors of the parent process that the child process inherits
     """
 
     def __init__(
@@ -162,8 +157,6 @@ class SubscriberProcess:
         Some events first wait for room in a full pipe, for at most PLAN_WRITE_TIMEOUT.  These are
         ``SessionStarted``, ``MotionPlanned`` and events that need several writes.  They are sent
         only while the robot stands still.
-
-        :param event: the event
         """
         if self.failure is not None:
             return
@@ -254,9 +247,6 @@ class SubscriberProcesses:
         """
         Run the function ``main`` of a module in a new process, and send all events to it.
 
-        :param module: the full name of the module
-        :param arguments: the command-line arguments of the process
-        :param pass_fds: the file descriptors of this process that the new process inherits
         :returns: the new process
         """
         subscriber = SubscriberProcess(
@@ -270,8 +260,6 @@ class SubscriberProcesses:
 
         At the end of the ``with`` block, the pipe to each process is closed, in the order in which
         the processes were added.
-
-        :param subscriber: the process
         """
         self._subscribers.append(subscriber)
         self._event_bus.subscribe(subscriber.send, subscriber.fail)
@@ -287,10 +275,8 @@ class SubscriberProcesses:
         The wait for each process takes at most FINISH_TIMEOUT.  If a signal ends the program, it
         takes at most FINISH_TIMEOUT_WHEN_STOPPED.
 
-        :param kind: not used
         :param error: the error that ended the ``with`` block; None if the block ended without an
             error
-        :param traceback: not used
         """
         self._event_bus.flush()
         ended = SessionEnded(
@@ -341,7 +327,6 @@ class EventFile(SubscriberProcess):
 
         A second call has no effect.
 
-        :param timeout: how long to wait at most [s]
         :returns: the exit code of the process that writes the file; None if it still runs
         """
         return super().close(timeout)

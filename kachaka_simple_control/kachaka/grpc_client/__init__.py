@@ -11,8 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-The gRPC client of a real Kachaka robot.
-
-It sends velocities to the robot, and reads the robot's odometry and errors.
-"""
+"""The gRPC client of a real Kachaka: sends velocities, reads odometry and errors."""

@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-The ROS 2 node that controls a real Kachaka robot over gRPC.
-
-The module also converts the robot's odometry to ROS messages.
-"""
+"""The ROS 2 node that controls a real Kachaka robot over gRPC."""
 
 from __future__ import annotations
 
@@ -55,10 +51,7 @@ def odometry(source: Any, now: Time, frame_prefix: str) -> Odometry:
     """
     Convert an odometry message of the robot's SDK to a ROS message.
 
-    :param source: the message of the SDK, a RosOdometry
-    :param now: the time stamp for the ROS message if the message of the SDK has no time stamp
     :param frame_prefix: a text before the frame names; no separator is added
-    :returns: the ROS message
     """
     message = Odometry()
     nanoseconds = source.header.stamp_nsec
@@ -78,11 +71,7 @@ def odometry(source: Any, now: Time, frame_prefix: str) -> Odometry:
 
 
 def planar_pose(source: Any) -> Pose:
-    """
-    Return the planar pose in an odometry message of the robot's SDK.
-
-    :param source: the message of the SDK, a RosOdometry
-    """
+    """Return the planar pose in an odometry message of the robot's SDK."""
     position, rotation = source.pose.pose.position, source.pose.pose.orientation
     return Pose(
         position.x, position.y, yaw(rotation.x, rotation.y, rotation.z, rotation.w))
@@ -97,22 +86,13 @@ class GrpcBridge(BridgeNode):
     """
     The ROS 2 node that controls a real robot over gRPC.
 
-    The node uses several threads.  The first thread receives velocities and does nothing else.
-    The second thread runs all other ROS callbacks of the node, for example that of the service.
-    Further threads request odometry and errors from the robot, and publish odometry and
-    diagnostics.
+    One thread only receives velocities, one runs all other callbacks, further ones request
+    odometry and errors from the robot and publish them.  The pose is logged when manual control is
+    switched off and in ``close()``, if there is newer odometry.
 
-    The node logs the robot's pose from the newest odometry when manual control is switched off,
-    and in ``close()``.  It logs no pose if it has published no odometry since the last time.
-
-    :param robot: the connected robot
-    :param namespace: the ROS namespace of the topics and the service
     :param frame_prefix: a text before the frame names in odometry; no separator is added
-    :param give_up: a function that is called if a motion is aborted because the robot refuses to
-        move or does not respond; its argument is the reason
-    :param on_conflict: a function that is called if a second bridge with the same topic names
-        appears after this node was created; its argument is a text that describes the second
-        bridge
+    :param give_up: called with the reason if a motion is aborted
+    :param on_conflict: as for ``BridgeNode``
     :raises RobotTakenError: if another bridge already uses the same topic names
     """
 
@@ -140,32 +120,17 @@ class GrpcBridge(BridgeNode):
             poller.start()
 
     def executors(self) -> list[ExecutorLoop]:
-        """
-        Return two executors: one for received velocities, and one for all other callbacks.
-
-        The caller must run each executor in a thread of its own.
-        """
+        """Return two executors: for velocities, and for the rest; each needs its own thread."""
         return [
             SubscriptionExecutor(self, self._subscription, self.on_velocity), *super().executors()]
 
     @property
     def summary(self) -> str:
-        """
-        Return one line of text for the log about the robot and the node.
-
-        It has the robot's serial number, software release and network address, and the names of
-        the node's topics and service.
-        """
+        """Return one line for the log about the robot, its address, topics and service."""
         return f'{self._robot.identity} at {self._robot.address}: {super().summary}'
 
     def drive(self, velocity: Velocity, now: float) -> None:
-        """
-        Queue a velocity for the robot, and return at once.
-
-        :param velocity: the velocity; if it is infinite or NaN, it is not sent, and a warning is
-            logged
-        :param now: the time at which the velocity was received [s, steady clock]
-        """
+        """Queue a velocity, and return at once; one that is infinite or NaN is not sent."""
         try:
             command = velocity_command(velocity, KACHAKA.limits, now)
         except ValueError as error:
@@ -174,14 +139,7 @@ class GrpcBridge(BridgeNode):
         self._driver.drive(command)
 
     def set_manual_control(self, enabled: bool) -> str:
-        """
-        Switch manual control on or off.
-
-        Manual control is the mode in which the robot follows velocities.
-
-        :param enabled: true to switch manual control on, false to switch it off
-        :returns: an empty text for success; else the reason for the failure
-        """
+        """Switch manual control on or off; return why it failed, or an empty text."""
         result = self._driver.set_manual_control(enabled)
         if result.is_success and not enabled:
             self._log_pose()
@@ -191,9 +149,7 @@ class GrpcBridge(BridgeNode):
         """
         Stop the robot if it may be moving, disconnect from it, and end all threads of the node.
 
-        Manual control, the mode in which the robot follows velocities, is switched off if the node
-        has switched it on.  Each wait for the robot or for a thread has a time limit, so this
-        method also returns if the robot does not respond.
+        Manual control is switched off if the node switched it on.  Each wait has a time limit.
         """
         for poller in self._pollers:
             poller.stop()

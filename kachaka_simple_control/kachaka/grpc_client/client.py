@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-The gRPC calls to a real Kachaka robot, and the function that connects to the robot.
-
-This is the only module in its folder that imports the robot's SDK.
-"""
+"""The gRPC calls to a real Kachaka robot; the only module here that imports its SDK."""
 
 from __future__ import annotations
 
@@ -61,13 +57,10 @@ FAILURES = {
 
 class RobotClient:
     """
-    One gRPC connection to a robot.
+    One gRPC connection to a robot, opened by the first call; for several threads.
 
-    Several threads may use the object at the same time.  A method with a parameter ``deadline``
-    makes a gRPC call, and waits for the response for at most this time [s].  If the call fails,
-    the method raises no error; the returned ``RpcResult`` has the reason.
-
-    :param address: the network address of the robot; the connection is opened by the first call
+    A method with a ``deadline`` [s] makes a call, and waits for the response that long at most.
+    If it fails, no error is raised: the ``RpcResult`` has the reason.
     """
 
     def __init__(self, address: Address) -> None:
@@ -82,68 +75,34 @@ class RobotClient:
         """
         Send a velocity to the robot, and wait for its response.
 
-        :param linear: the forward velocity as a fraction of the robot's largest forward velocity,
-            -1 to 1
-        :param angular: the turning velocity as a fraction of the robot's largest turning velocity,
-            -1 to 1, counter-clockwise positive
-        :param deadline: the longest time to wait for the response [s]
-        :returns: the result of the gRPC call
+        :param linear: a fraction of the robot's largest forward velocity, -1 to 1
+        :param angular: of its largest turning velocity, -1 to 1, counter-clockwise positive
         """
         request = pb2.SetRobotVelocityRequest(linear=linear, angular=angular)
         return _call(self._stub.SetRobotVelocity, request, deadline)[0]
 
     def set_manual_control(self, enabled: bool, deadline: float) -> RpcResult:
-        """
-        Switch manual control on or off.
-
-        Manual control is the mode in which the robot follows velocities.
-
-        :param enabled: true to switch manual control on, false to switch it off
-        :param deadline: the longest time to wait for the robot's response [s]
-        :returns: the result of the gRPC call
-        """
+        """Switch manual control on or off."""
         request = pb2.SetManualControlEnabledRequest(enable=enabled)
         return _call(self._stub.SetManualControlEnabled, request, deadline)[0]
 
     def errors(self, deadline: float) -> tuple[RpcResult, list[int]]:
-        """
-        Ask the robot for the codes of its current errors.
-
-        :param deadline: the longest time to wait for the robot's response [s]
-        :returns: the result of the gRPC call, and the error codes; no codes if the call failed
-        """
+        """Ask the robot for the codes of its current errors."""
         result, response = _call(self._stub.GetError, pb2.GetRequest(), deadline)
         return result, [] if response is None else list(response.error_codes)
 
     def battery(self, deadline: float) -> tuple[RpcResult, float | None]:
-        """
-        Ask the robot for the charge of its battery.
-
-        :param deadline: the longest time to wait for the robot's response [s]
-        :returns: the result of the gRPC call, and the charge, from 0 to 1; None if the call failed
-        """
+        """Ask the robot for the charge of its battery, from 0 to 1; None if the call failed."""
         result, response = _call(self._stub.GetBatteryInfo, pb2.GetRequest(), deadline)
         return result, None if response is None else response.remaining_percentage / 100.0
 
     def error_texts(self, deadline: float) -> tuple[RpcResult, str]:
-        """
-        Ask the robot for the names and explanations of all its error codes.
-
-        :param deadline: the longest time to wait for the robot's response [s]
-        :returns: the result of the gRPC call, and the robot's text, which is normally JSON; an
-            empty text if the call failed
-        """
+        """Ask the robot for its texts of error codes, normally JSON; empty at failure."""
         result, response = _call(self._stub.GetRobotErrorCodeJson, pb2.EmptyRequest(), deadline)
         return result, '' if response is None else str(response.json)
 
     def identity(self, deadline: float) -> tuple[RpcResult, str]:
-        """
-        Ask the robot for its serial number and its software release, with two gRPC calls.
-
-        :param deadline: the longest time to wait for each of the two responses [s]
-        :returns: the result of the last call that was made, and one text with the serial number
-            and the software release; an empty text if a call failed
-        """
+        """Ask for serial number and software release, with two calls; return them as one text."""
         result, serial = _call(self._stub.GetRobotSerialNumber, pb2.GetRequest(), deadline)
         if serial is None:
             return result, ''
@@ -155,30 +114,21 @@ class RobotClient:
 
     def odometry(self, cursor: int, deadline: float) -> tuple[RpcResult, Any]:
         """
-        Wait until the robot has new odometry, and return the response with this odometry.
+        Wait until the robot has odometry that is newer than a message with a cursor.
 
-        Each odometry message of the robot has a cursor, a number that identifies the message.
-
-        :param cursor: the cursor of the last message that the caller has received; 0 to get the
-            newest odometry at once
-        :param deadline: the longest time to wait for new odometry [s]
-        :returns: the result of the gRPC call, and the response, a GetRosOdometryResponse of the
-            SDK; None as the response if the call failed
+        :param cursor: that of the last message that the caller has received; 0 for the newest at
+            once
+        :returns: the result, and a GetRosOdometryResponse; None if the call failed
         """
         return _call(self._stub.GetRosOdometry, _newer_than(cursor), deadline)
 
     def wheel_odometry(self, cursor: int, deadline: float) -> tuple[RpcResult, Any]:
         """
-        Wait until the robot has new wheel odometry, and return the response with it.
+        Wait until the robot has wheel odometry that is newer than a message with a cursor.
 
-        Each wheel odometry message of the robot has a cursor, a number that identifies the
-        message.
-
-        :param cursor: the cursor of the last message that the caller has received; 0 to get the
-            newest wheel odometry at once
-        :param deadline: the longest time to wait for new wheel odometry [s]
-        :returns: the result of the gRPC call, and the response, a GetRosWheelOdometryResponse of
-            the SDK; None as the response if the call failed
+        :param cursor: that of the last message that the caller has received; 0 for the newest at
+            once
+        :returns: the result, and a GetRosWheelOdometryResponse; None if the call failed
         """
         return _call(self._stub.GetRosWheelOdometry, _newer_than(cursor), deadline)
 
@@ -188,15 +138,7 @@ def _newer_than(cursor: int) -> pb2.GetRequest:
 
 
 def _call(method: Callable[..., Any], request: Any, deadline: float) -> tuple[RpcResult, Any]:
-    """
-    Make a gRPC call, and wait for the response of the robot.
-
-    :param method: the method of the gRPC stub for this call
-    :param request: the request message
-    :param deadline: the longest time to wait for the response [s]
-    :returns: the result of the call, and the response message; None as the message if the call
-        failed
-    """
+    """Make a gRPC call; return the result and the response, None if it failed."""
     try:
         response = method(request, timeout=deadline)
     except grpc.RpcError as error:
@@ -225,10 +167,7 @@ class ConnectedRobot:
     """
     A robot that has responded to the first gRPC calls.
 
-    :param address: the network address of the robot
-    :param client: the object that makes gRPC calls to the robot
-    :param identity: a text with the robot's serial number and software release
-    :param texts: the names and explanations of the robot's error codes; may be empty
+    :param texts: names and explanations of the robot's error codes; may be empty
     """
 
     address: Address
@@ -241,8 +180,6 @@ def connect(address: Address) -> ConnectedRobot:
     """
     Connect to a robot, and read its serial number, software release and error texts.
 
-    :param address: the network address of the robot
-    :returns: the connected robot
     :raises RobotNotFoundError: if no robot responds; the error message has advice for the user
     """
     _check_reachable(address, CONNECT_TIMEOUT)
@@ -259,12 +196,7 @@ def _check_reachable(address: Address, timeout: float) -> None:
     """
     Check that a TCP connection to an address can be opened.
 
-    The connection is closed again at once.
-
-    :param address: the network address of the robot
-    :param timeout: the longest time to wait for the connection [s]
-    :raises RobotNotFoundError: if the connection cannot be opened; the error message has advice
-        for the user
+    :raises RobotNotFoundError: if not; the error message has advice for the user
     """
     try:
         with socket.create_connection((address.host, address.port), timeout):

@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Decide which gRPC call to the robot to make next.
-
-A stop is sent before any other velocity.  If several velocities wait, only the newest one is sent.
-"""
+"""Decide which gRPC call to the robot to make next: a stop first, then the newest velocity."""
 
 from __future__ import annotations
 
@@ -43,11 +39,9 @@ from kachaka_simple_control.motion.limits import Limits
 @dataclass(frozen=True)
 class VelocityCommand:
     """
-    A velocity for the robot, as fractions of its largest forward and turning velocities.
+    A velocity as fractions of the robot's largest ones: -1 to 1, backwards and right negative.
 
-    :param linear: forward velocity, -1 to 1, negative backwards
-    :param angular: turning velocity, -1 to 1, counter-clockwise positive
-    :param time: the time at which the velocity was received [s, steady clock]
+    :param time: when it was received [s, steady clock]
     """
 
     linear: float
@@ -64,10 +58,6 @@ def velocity_command(velocity: Velocity, limits: Limits, now: float) -> Velocity
     """
     Convert a velocity to a command for the robot, and clip it to the robot's limits.
 
-    :param velocity: the velocity [m/s, rad/s]
-    :param limits: the largest velocities of the robot
-    :param now: the time at which the velocity was received [s, steady clock]
-    :returns: the command, with each velocity as a fraction of its limit, -1 to 1
     :raises ValueError: if the velocity is infinite or NaN; the error message has one line
     """
     if not (math.isfinite(velocity.linear_x) and math.isfinite(velocity.angular_z)):
@@ -81,11 +71,10 @@ def velocity_command(velocity: Velocity, limits: Limits, now: float) -> Velocity
 
 class StreamTimeout:
     """
-    A timeout that detects when a publisher no longer sends velocities.
+    Detects when a publisher that sends regularly no longer sends velocities.
 
-    The timeout expires 0.25 s after the last velocity, but only if the publisher sends regularly.
-    This means that at least two velocities were received since the last zero velocity, with at
-    most 0.15 s from one velocity to the next.
+    It expires 0.25 s after the last velocity, if at least two were received since the last zero,
+    with at most 0.15 s between them.
     """
 
     def __init__(self) -> None:
@@ -93,14 +82,7 @@ class StreamTimeout:
         self._longest: float | None = None
 
     def on_command(self, is_stop: bool, now: float) -> None:
-        """
-        Restart the timeout, or switch it off if the received command is a zero velocity.
-
-        If it was switched off, it starts again at the second velocity that is not zero.
-
-        :param is_stop: whether the command is a zero velocity
-        :param now: the time at which the command was received [s, steady clock]
-        """
+        """Restart the timeout at the second velocity in a row; switch it off at a zero."""
         if is_stop:
             self._last = self._longest = None
             return
@@ -110,25 +92,13 @@ class StreamTimeout:
 
     @property
     def end(self) -> float | None:
-        """
-        Return the time at which the timeout expires [s, steady clock], or None.
-
-        None means that the publisher does not send regularly.  Since the last zero velocity, fewer
-        than two velocities were received, or more than 0.15 s passed from one to the next.
-        """
+        """Return when the timeout expires [s]; None if the publisher is not regular."""
         if self._last is None or self._longest is None or self._longest > MAX_STREAM_PERIOD:
             return None
         return self._last + STREAM_TIMEOUT
 
     def has_expired(self, now: float) -> bool:
-        """
-        Return whether the timeout has expired.
-
-        If the timeout has expired, it is switched off until two more velocities have been
-        received.
-
-        :param now: the current time [s, steady clock]
-        """
+        """Return whether the timeout has expired; it is then off until two more have come."""
         if self.end is None or now < self.end:
             return False
         self._last = self._longest = None
@@ -137,14 +107,12 @@ class StreamTimeout:
 
 class LatestCommand:
     """
-    Stores what to send to the robot next: at most one stop and one motion.
+    Stores what to send to the robot next: at most one stop and one motion, which is not zero.
 
-    A motion is a command with a velocity that is not zero.  A newer motion replaces the stored
-    motion, so motions do not queue up if the robot is slow.  A stop removes the stored motion.  A
-    motion that comes after a stop is stored, but can be taken only after the stop was taken.
+    A newer motion replaces the stored one, so motions do not queue up if the robot is slow.  A
+    stop removes it.  A motion that comes after a stop can be taken only after the stop was.
 
-    :param max_age: the largest age of a motion that may still be sent [s]; older motions are
-        dropped
+    :param max_age: the largest age of a motion that may still be sent [s]
     """
 
     def __init__(self, max_age: float) -> None:
@@ -157,14 +125,7 @@ class LatestCommand:
         self.dropped = 0
 
     def put(self, command: VelocityCommand) -> None:
-        """
-        Store a new velocity command for the robot.
-
-        A velocity that is not zero replaces the stored command.  A zero velocity removes the
-        stored command, and ``take_stop()`` then returns true.
-
-        :param command: the new command
-        """
+        """Store a new velocity command; a zero removes the stored one and requests a stop."""
         if command.is_stop:
             self.request_stop()
             return
@@ -172,14 +133,7 @@ class LatestCommand:
         self._newest = self._motion = command
 
     def requeue(self, command: VelocityCommand) -> None:
-        """
-        Store a refused velocity command again, so that it is sent once more.
-
-        The command is not stored if ``put()``, ``request_stop()`` or ``clear()`` was called after
-        the command was first stored.
-
-        :param command: the command, which the robot has refused
-        """
+        """Store a refused command again, unless anything else was requested since."""
         if command is self._newest:
             self._motion = command
 
@@ -189,46 +143,23 @@ class LatestCommand:
         self.stop_pending = True
 
     def clear(self) -> None:
-        """
-        Drop the stored velocity command.
-
-        After this, ``requeue()`` ignores all commands that were received before.
-        """
+        """Drop the stored command; ``requeue()`` ignores all that were received before."""
         self.dropped += self._motion is not None
         self._newest = self._motion = None
 
     def take_stop(self) -> bool:
-        """
-        Return whether a stop, which is a zero velocity, must be sent now.
-
-        The caller must then send the stop.  Further calls return false until the next stop is
-        requested.
-        """
+        """Return, once, whether a stop was requested; the caller must then send it."""
         was_pending, self.stop_pending = self.stop_pending, False
         return was_pending
 
     def has_motion(self, now: float) -> bool:
-        """
-        Return whether there is a stored velocity command, and it can be sent now.
-
-        If a stop is requested, the stop must be sent first.  A stored command that is too old is
-        dropped.
-
-        :param now: the current time [s, steady clock]
-        """
+        """Return whether there is a command that is not too old, and no stop comes first."""
         if self._motion is not None and now - self._motion.time > self._max_age:
             self.clear()
         return self._motion is not None and not self.stop_pending
 
     def take_motion(self, now: float) -> VelocityCommand | None:
-        """
-        Remove and return the stored velocity command, if it can be sent now.
-
-        None is returned if no command is stored, if the command is too old, or if a requested stop
-        must be sent first.
-
-        :param now: the current time [s, steady clock]
-        """
+        """Remove and return the stored command; None without one, if too old, or before a stop."""
         if not self.has_motion(now):
             return None
         motion, self._motion = self._motion, None
@@ -236,12 +167,7 @@ class LatestCommand:
 
 
 class RpcKind(Enum):
-    """
-    The kind of a gRPC call: a motion, a stop, or a call that enables manual control.
-
-    A motion is a velocity that is not zero, and a stop is a zero velocity.  Manual control is the
-    mode in which the robot follows velocities.
-    """
+    """The kind of a gRPC call: a motion, a stop (a zero), or to enable manual control."""
 
     MOTION = 'motion'
     STOP = 'stop'
@@ -254,8 +180,6 @@ class RpcRequest:
     """
     A gRPC call to the robot that must be made now.
 
-    :param kind: what the call does: it sends a velocity that is not zero, sends a zero velocity,
-        or enables manual control, the mode in which the robot follows velocities
     :param command: the velocity to send; None for a call that enables manual control
     :param deadline: the longest time to wait for the robot's response [s]
     """
@@ -269,25 +193,18 @@ class CommandArbiter:
     """
     Decides which gRPC calls to make for the velocities that are received.
 
-    The class makes no calls itself.  ``next_request()`` returns the next call to make, and the
-    caller passes the result of the call to ``on_response()``.  In this class, a stop is a zero
-    velocity, and a motion is any other velocity.
+    ``next_request()`` returns the next call, and the caller passes its result to
+    ``on_response()``.  A stop is a zero velocity, a motion any other.
 
-    A motion is sent only when no other call is in progress.  A stop is sent at once.  If a motion
-    call is in progress at that time, the robot can receive the stop before the motion.  Therefore,
-    the stop is sent again after the motion call, unless a newer motion waits.  A stop that fails
-    is also sent again, until the robot has executed it or a newer motion is sent.
+    A motion is sent only when no other call is in progress, a stop at once.  The robot may receive
+    it before a motion that is in progress, so it is sent again after that, unless a newer motion
+    waits.  A stop that fails is also sent again, until the robot has executed it or a newer motion
+    is sent.
 
-    If the robot refuses a motion because its manual control is off, manual control is enabled and
-    the motion is sent again.  After one of the following faults, motions are ignored until the
-    publisher of the velocities sends a zero velocity, or sends nothing for 1 s:
-
-    - The connection is lost.
-    - The robot refuses a motion for another reason, or refuses to enable manual control.
-    - Three motion calls in a row get no response in time.
-    - This process was suspended.
-
-    :param command_timeout: how long the robot follows a velocity if it receives no new one [s]
+    If the robot refuses a motion because manual control is off, that is enabled and the motion is
+    sent again.  After a fault, motions are ignored until their publisher sends a zero, or nothing
+    for 1 s: the connection is lost, the robot refuses for another reason, three motions in a row
+    get no response in time, or this process was suspended.
     """
 
     def __init__(self, command_timeout: float) -> None:
@@ -310,34 +227,21 @@ class CommandArbiter:
 
     @property
     def dropped(self) -> int:
-        """
-        Return the number of velocity commands that were dropped before they were sent.
-
-        A command is dropped if a newer command replaces it, if a stop removes it, or if it is too
-        old.
-        """
+        """Return how many commands were dropped: replaced, removed by a stop, or too old."""
         return self._latest.dropped
 
     @property
     def next_check(self) -> float | None:
         """
-        Return the time at which to call ``next_request()`` again [s, steady clock], or None.
+        Return when to call ``next_request()`` again [s, steady clock], for a stop that may be due.
 
-        A stop is due at this time, unless a velocity is received earlier.  None means that
-        ``next_request()`` must be called again only after a command or a response is received.
+        None: only after a command or a response.
         """
         times = [time for time in (self._stream.end, self._retry_stop_at) if time is not None]
         return min(times, default=None)
 
     def on_command(self, command: VelocityCommand) -> None:
-        """
-        Store a velocity command that was received, so that ``next_request()`` can return it.
-
-        After a fault, such as a refused call, commands are ignored until a zero velocity is
-        received, or until a command is received after a pause of 1 s.
-
-        :param command: the command
-        """
+        """Store a velocity command that was received; after a fault, it may be ignored."""
         is_rest = command.is_stop or command.time - self._last_command > REARM_IDLE_TIME
         self._last_command = command.time
         if self._is_connected and is_rest:
@@ -348,12 +252,9 @@ class CommandArbiter:
 
     def next_request(self, now: float) -> RpcRequest | None:
         """
-        Return the next gRPC call to make now, or None if no call is due.
+        Return the next gRPC call, in progress until ``on_response()``; None if none is due.
 
-        Several calls may be due, so call this method again until it returns None.  A returned gRPC
-        call counts as in progress until ``on_response()`` gets its result.
-
-        :param now: the current time [s, steady clock]
+        Several may be due: call this until it returns None.
         """
         if self._stream.has_expired(now) or (
                 self._retry_stop_at is not None and now >= self._retry_stop_at):
@@ -367,13 +268,7 @@ class CommandArbiter:
         return request
 
     def on_response(self, request: RpcRequest, result: RpcResult, now: float) -> None:
-        """
-        Use the result of a gRPC call to decide which calls to make next.
-
-        :param request: the gRPC call, which ``next_request()`` has returned earlier
-        :param result: the result of the call
-        :param now: the current time [s, steady clock]
-        """
+        """Use the result of a gRPC call that ``next_request()`` has returned."""
         self._in_flight.remove(request)
         if request.kind is RpcKind.STOP:
             self._on_stop_response(result, now)
@@ -388,44 +283,25 @@ class CommandArbiter:
 
     def on_connection_lost(self) -> None:
         """
-        Allow no gRPC calls until ``on_connected()`` is called, and drop all waiting velocities.
+        Make no calls until ``on_connected()``; drop all velocities; then stop if need be.
 
-        If the robot may be moving, the first gRPC call after ``on_connected()`` is a stop.  New
-        velocities are ignored until their publisher sends a zero velocity, or sends nothing for
-        1 s.
+        New velocities are ignored as after any fault.
         """
         self._is_connected = False
         self.block_motion()
 
     def block_motion(self) -> None:
-        """
-        Drop all waiting velocities, stop the robot if it may be moving, and ignore new velocities.
-
-        New velocities are ignored until their publisher sends a zero velocity, or sends nothing
-        for 1 s.
-        """
+        """Drop all velocities, stop the robot if need be, ignore new ones as after a fault."""
         self.is_blocked = True
         self.cancel_motion()
 
     def on_stall(self, now: float) -> None:
-        """
-        Stop the robot after this process was suspended, because received velocities may be old.
-
-        All waiting velocities are dropped, and a stop is sent if the robot may be moving.  New
-        velocities are ignored until their publisher sends a zero velocity, or sends nothing for
-        1 s.
-
-        :param now: the current time [s, steady clock]
-        """
+        """Do as ``block_motion``: the process was suspended, what was received may be old."""
         self._last_command = now
         self.block_motion()
 
     def cancel_motion(self) -> None:
-        """
-        Drop all velocities received so far, and stop the robot if it may be moving.
-
-        Velocities that are received later are not affected.
-        """
+        """Drop all velocities received so far, and stop the robot if it may be moving."""
         self._must_enable = False
         self._stream = StreamTimeout()
         self._latest.clear()

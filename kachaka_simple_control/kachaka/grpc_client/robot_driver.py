@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-The threads of a program that controls a real Kachaka robot over gRPC.
-
-They send velocities to the robot, get its odometry and errors, and write log messages.
-"""
+"""The threads that send velocities to a real Kachaka, get its odometry and errors, and log."""
 
 from __future__ import annotations
 
@@ -60,18 +56,13 @@ GOES_ON = 'moves again after a zero, or after 1 s without velocities'
 
 class RobotDriver:
     """
-    Sends velocities to a robot over gRPC, in worker threads.
+    Sends velocities to a robot over gRPC, in worker threads; for several threads.
 
-    A ``CommandArbiter`` decides which gRPC call to make next.  Several threads may use the object
-    at the same time.  Velocities are sent only after the robot has responded to a gRPC call of
-    another kind, for example to a request for its errors.
+    A ``CommandArbiter`` decides which call to make next.  Velocities are sent only after the robot
+    has responded to a call of another kind.
 
-    :param client: the object that makes gRPC calls to the robot
-    :param command_timeout: how long the robot follows a velocity if it receives no new one [s]
-    :param texts: the names and explanations of the robot's error codes
-    :param log: a function that is called with a level and a text for the log; must not block
-    :param on_abort: a function that is called if a motion is aborted because the robot refuses to
-        move or does not respond; its argument is the reason; must not block
+    :param log: called with a level and a text; must not block
+    :param on_abort: called with the reason if a motion is aborted; must not block
     """
 
     def __init__(
@@ -98,39 +89,21 @@ class RobotDriver:
 
     @property
     def dropped(self) -> int:
-        """
-        Return the number of velocity commands that were dropped before they were sent.
-
-        A command is dropped if a newer command replaces it, if a stop removes it, or if it is too
-        old.
-        """
+        """Return how many commands were dropped: replaced, removed by a stop, or too old."""
         return self._arbiter.dropped
 
     def drive(self, command: VelocityCommand) -> None:
-        """
-        Queue a velocity command for the robot, and return at once.
-
-        A worker thread sends a zero velocity at once.  It sends any other velocity when no other
-        gRPC call is in progress.
-
-        :param command: the command; a newer command replaces it if it has not been sent yet
-        """
+        """Queue a command, and return at once; a newer one may replace it."""
         with self._changed:
             self._arbiter.on_command(command)
             self._changed.notify()
 
     def set_manual_control(self, enabled: bool) -> RpcResult:
         """
-        Switch manual control on or off.
+        Switch manual control on or off; wait up to 3 s for the robot's response.
 
-        Manual control is the mode in which the robot follows velocities.
-
-        Wait up to 3 s for the robot's response.  Before manual control is switched off, all
-        waiting velocities are dropped, because such a velocity would switch manual control on
+        Before it is switched off, all waiting velocities are dropped: one would switch it on
         again.
-
-        :param enabled: true to switch manual control on, false to switch it off
-        :returns: the result of the gRPC call
         """
         if not enabled:
             # Earlier commands must not switch manual control on again.
@@ -146,31 +119,19 @@ class RobotDriver:
         return result
 
     def on_result(self, result: RpcResult, begun: float) -> None:
-        """
-        Use the result of another thread's gRPC call to detect whether the connection is lost.
-
-        :param result: the result of the call
-        :param begun: the start time of the call [s, steady clock]
-        """
+        """Learn from another thread's call, begun at a time, whether the connection is lost."""
         with self._changed:
             self._update_connection(result, begun)
 
     def describe(self, result: RpcResult) -> str:
-        """
-        Return the reason for a failed gRPC call, as text for the user.
-
-        :param result: the result of the call
-        :returns: the robot's error, if the robot has responded with an error code; else the reason
-            why there is no code
-        """
+        """Return why a gRPC call failed, as text for the user."""
         return result.text if result.code is None else self.texts.describe(result.code)
 
     def close(self) -> None:
         """
-        Stop the robot if it may be moving, and disconnect from it.
+        Stop the robot if it may be moving, and disconnect from it, within 2 s.
 
-        Manual control, the mode in which the robot follows velocities, is switched off if this
-        object has switched it on.  This method takes at most 2 s.
+        Manual control is switched off if this object has switched it on.
         """
         with self._changed:
             self._is_over = True
@@ -203,13 +164,7 @@ class RobotDriver:
                 self._wait(now)
 
     def _wait(self, now: float) -> None:
-        """
-        Wait until there may be a new gRPC call to make, but at most for 0.1 s.
-
-        After the wait, check whether the process was suspended during the wait.
-
-        :param now: the start time of the wait [s, steady clock]
-        """
+        """Wait up to 0.1 s for a call to make; check whether the process was suspended."""
         next_check = self._arbiter.next_check
         timeout = (WORKER_PERIOD if next_check is None
                    else max(0.0, min(next_check - now, WORKER_PERIOD)))
@@ -217,16 +172,7 @@ class RobotDriver:
         self._detect_stall(now, timeout)
 
     def _detect_stall(self, begun: float, allowed: float) -> None:
-        """
-        Stop the robot if a wait or a call took so long that this process must have been suspended.
-
-        The robot must stop, because received velocities may be old after a suspension.  New
-        velocities are ignored until their publisher sends a zero velocity, or sends nothing for
-        1 s.
-
-        :param begun: the start time of the wait or the call [s, steady clock]
-        :param allowed: the time limit of the wait or the call [s]
-        """
+        """Stop the robot if a wait or a call took so long that the process was suspended."""
         now = time.monotonic()
         if now - begun > allowed + self._command_timeout and not self._is_over:
             if self._arbiter.may_move:
@@ -308,9 +254,9 @@ class LogThread(threading.Thread):
     """
     A thread that writes log messages, so that other threads never wait for the log.
 
-    A message is dropped if the same message was passed to ``log()`` less than 1 s before.
+    A message that was logged less than 1 s before is dropped.
 
-    :param emit: a function that writes a message with its level to the log; it may block
+    :param emit: writes a message with its level; it may block
     """
 
     def __init__(self, emit: Callable[[Level, str], None]) -> None:
@@ -320,12 +266,7 @@ class LogThread(threading.Thread):
         self.start()
 
     def log(self, level: Level, text: str) -> None:
-        """
-        Queue a log message; any thread may call this method.
-
-        :param level: the severity of the message
-        :param text: the message
-        """
+        """Queue a log message; any thread may call this method."""
         self._queue.put((level, text, time.monotonic()))
 
     def close(self) -> None:
@@ -347,22 +288,14 @@ class LogThread(threading.Thread):
 
 
 class Poller(threading.Thread):
-    """
-    The base class of threads that request data from the robot again and again.
-
-    :param name: the name of the thread
-    """
+    """The base class of threads that request data from the robot again and again."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name=name, daemon=True)
         self.is_over = threading.Event()
 
     def poll(self) -> float:
-        """
-        Request data from the robot once; each subclass must implement this method.
-
-        :returns: the time to wait until the next request [s]
-        """
+        """Request data from the robot once; return how long to wait until the next request [s]."""
         raise NotImplementedError
 
     def run(self) -> None:
@@ -371,12 +304,7 @@ class Poller(threading.Thread):
             self.is_over.wait(self.poll())
 
     def stop(self) -> None:
-        """
-        Make the thread end after its current gRPC call to the robot.
-
-        This method does not wait for the end.  To end the gRPC call at once, close the gRPC
-        client.
-        """
+        """Make the thread end after its current call, which the end of the client ends at once."""
         self.is_over.set()
 
 
@@ -395,16 +323,11 @@ class OdometryPoller(Poller):
     """
     A thread that gets the robot's odometry over gRPC and publishes it.
 
-    :param name: the name of the thread
-    :param fetch: a function that waits for new odometry.  Its arguments are the cursor of the last
-        odometry message, a number that identifies the message, and the longest time to wait [s].
-        It returns the result and the response of the gRPC call
-    :param is_wanted: a function that returns whether the odometry topic has a subscriber; if not,
-        no odometry is requested
-    :param publish: a function that is called with each new odometry message of the robot
-    :param on_result: a function that is called with the result and the start time of each gRPC
-        call.  It is not called after a timeout, because a timeout can also mean that the robot has
-        no new odometry
+    :param fetch: waits for odometry newer than a cursor, for a time [s]; returns result and
+        response
+    :param is_wanted: whether the topic has a subscriber; else no odometry is requested
+    :param on_result: called with result and start time of each call, but for timeouts, which can
+        mean that there is no new odometry
     """
 
     def __init__(
@@ -418,11 +341,7 @@ class OdometryPoller(Poller):
         self._cursor = 0
 
     def poll(self) -> float:
-        """
-        Get odometry from the robot once and publish it, if the odometry topic has a subscriber.
-
-        :returns: the time to wait until the next call of this method [s]
-        """
+        """Get and publish odometry once, if it is wanted; return how long to wait then [s]."""
         if not self._is_wanted():
             self._cursor = 0
             return IDLE_PERIOD
@@ -457,13 +376,9 @@ class HealthPoller(Poller):
     """
     A thread that asks the robot for its errors, about once per second, and for its battery.
 
-    From the results of these gRPC calls, the driver also detects when the connection is lost, and
-    when it is back.
+    The driver learns from these calls whether the connection is lost or back.
 
-    :param client: the object that makes gRPC calls to the robot
-    :param robot: the driver, which gets the results of the calls
-    :param log: a function that is called with a level and a text for the log
-    :param on_poll: a function that is called without arguments after each call
+    :param on_poll: called after each call
     """
 
     def __init__(
@@ -481,13 +396,7 @@ class HealthPoller(Poller):
         self._battery_time = -math.inf
 
     def poll(self) -> float:
-        """
-        Ask the robot for its current errors once, and log changes.
-
-        Each new error is logged.  When the robot reports no errors any more, this is logged, too.
-
-        :returns: the time to wait until the next call of this method [s]
-        """
+        """Ask the robot for its errors once, and log changes; return how long to wait then [s]."""
         begun = time.monotonic()
         result, codes = self._client.errors(HEALTH_DEADLINE)
         self._robot.on_result(result, begun)
@@ -501,13 +410,7 @@ class HealthPoller(Poller):
         return HEALTH_PERIOD if self._robot.connection.is_up else HEALTH_PERIOD_WHEN_LOST
 
     def _fetch_texts(self, codes: list[int]) -> None:
-        """
-        Ask the robot for its error texts again if a new error code has no text.
-
-        A robot that is just starting may not have its error texts yet.
-
-        :param codes: the codes of the robot's current errors
-        """
+        """Ask for the texts again if a code has none: a starting robot may not have them."""
         new = set(codes) - set(self.codes)
         if any(not self._robot.texts.find(code).title for code in new):
             result, text = self._client.error_texts(HEALTH_DEADLINE)

@@ -37,17 +37,7 @@ FINITE_FROM_0: Rule = '0{} or more, and finite', lambda value: 0.0 <= value < ma
 
 
 def _figure(default: float, unit: str, text: str, rule: Rule = FINITE_FROM_0) -> Any:
-    """
-    Return a dataclass field for ``SimulationParameters``.
-
-    Each field of this class is also a command line option.
-
-    :param default: the default value
-    :param unit: the unit of the value; empty for a factor
-    :param text: the help text of the option
-    :param rule: the text for the error message, and a function that returns whether a value is
-        valid
-    """
+    """Return a field of ``SimulationParameters``, which is also a command line option."""
     return field(default=default, metadata={'unit': unit, 'help': text, 'rule': rule})
 
 
@@ -56,41 +46,27 @@ class SimulationParameters:
     """
     The deviations of a simulated robot from an ideal robot, and the motion off its dock.
 
-    The manufacturer publishes none of these values.  By default, the robot is ideal.  The default
-    distance and velocity of the motion off the dock are assumptions.
+    The manufacturer publishes none of them: the defaults are ideal, those of the dock assumed.
 
-    :param dead_time: the time from a velocity command until the drive begins to follow it [s]
+    :param dead_time: from a command until the drive begins to follow it [s]
     :param lag: time constant of the drive, which is a first-order system [s]
     :param linear_acceleration: largest forward acceleration [m/s^2]
     :param angular_acceleration: largest turning acceleration [rad/s^2]
-    :param linear_gain: gain of the forward velocity: the velocity in odometry divided by the
-        commanded velocity.  With a gain of 0.9, a command of 1 m/s gives 0.9 m/s
-    :param backward_gain: additional factor when the robot drives backwards: the gain is then
-        ``linear_gain`` times ``backward_gain``
-    :param angular_gain: gain of the turning velocity: the velocity in odometry divided by the
-        commanded velocity
-    :param right_gain: additional factor when the robot turns to the right: the gain is then
-        ``angular_gain`` times ``right_gain``
+    :param linear_gain: the forward velocity in odometry divided by the commanded one
+    :param right_gain: a turn to the right has ``angular_gain`` times this
     :param veer: the unwanted turn to the left for each metre forwards, in odometry [rad/m]
-    :param odometry_scale: true distance divided by the distance in odometry on a straight line.
-        With a scale of 0.98, the robot has driven 0.98 m when odometry shows 1 m
-    :param wheel_ratio: true diameter of the right wheel divided by that of the left wheel;
-        odometry assumes 1
-    :param track_ratio: true track, the distance between the wheels, divided by the track that
-        odometry uses
-    :param velocity_noise: standard deviation of the forward and of the turning velocity, each
-        divided by the velocity: 0.1 is a noise of 10 %.  New random values are drawn once per
-        millisecond of motion
-    :param odometry_noise: standard deviation of x and of y in odometry [m]; the noise changes
-        every 20 ms and does not add up, so odometry does not drift
-    :param heading_noise: standard deviation of the heading in odometry [rad]; the noise changes
-        every 20 ms
+    :param odometry_scale: true distance divided by that in odometry, on a straight line
+    :param wheel_ratio: true diameter of the right wheel divided by that of the left one
+    :param velocity_noise: standard deviation of both velocities, each divided by the velocity; new
+        values each millisecond of motion
+    :param odometry_noise: standard deviation of x and of y in odometry [m], new values each 20 ms,
+        which do not add up
+    :param heading_noise: standard deviation of the heading in odometry [rad], likewise
     :param undock_distance: the distance that the robot drives straight off its dock [m]
-    :param undock_velocity: the velocity of this motion off the dock [m/s]
-    :raises InvalidMotionError: if a value is out of its range.  Only accelerations may be
-        infinite.  Only gains and the veer may be negative.  Accelerations and ``undock_velocity``
-        must be above 0.  The ranges of ``odometry_scale``, ``wheel_ratio`` and ``track_ratio``
-        are those of ``OdometryCalibration``
+    :param undock_velocity: the velocity of this motion [m/s]
+    :raises InvalidMotionError: if a value is out of its range: only accelerations may be infinite,
+        only gains and the veer negative, accelerations and ``undock_velocity`` not 0; the rest as
+        for ``OdometryCalibration``
     """
 
     dead_time: float = _figure(0.0, 's', 'how long after a command the drive begins to follow it')
@@ -120,11 +96,7 @@ class SimulationParameters:
     undock_velocity: float = _figure(0.1, 'm/s', 'how fast it does that', FINITE_ABOVE_0)
 
     def __post_init__(self) -> None:
-        """
-        Check each value of the new object.
-
-        :raises InvalidMotionError: if a value is out of its range
-        """
+        """Check each value."""
         for figure in fields(self):
             value, (rule, is_valid) = getattr(self, figure.name), figure.metadata['rule']
             if not is_valid(value):
@@ -139,23 +111,14 @@ class SimulationParameters:
 
     @property
     def floor(self) -> OdometryCalibration | None:
-        """
-        Return the calibration that corrects the systematic errors of odometry.
-
-        :returns: the calibration, which converts motion in odometry to true motion on the floor;
-            None if odometry has no systematic errors
-        """
+        """Return the calibration that converts odometry to the true motion; None if they agree."""
         ratios = self.odometry_scale, self.wheel_ratio, self.track_ratio
         return None if ratios == (1.0, 1.0, 1.0) else OdometryCalibration(
             *ratios, KACHAKA_TRACK)
 
     @property
     def is_ideal(self) -> bool:
-        """
-        Return whether the velocity of the drive is constant between two commands.
-
-        This is true if the drive has no lag, no limit of the acceleration and no velocity noise.
-        """
+        """Return whether the drive has no lag, no limit of acceleration and no noise."""
         return (
             self.lag == 0.0 and self.velocity_noise == 0.0
             and math.isinf(self.linear_acceleration) and math.isinf(self.angular_acceleration))
@@ -180,18 +143,15 @@ def first_order_response(
         velocity: float, target: float, duration: float, lag: float,
         acceleration: float) -> tuple[float, float]:
     """
-    Return the exact response of the drive to a constant commanded velocity.
+    Return velocity and way after a time of a constant commanded velocity, exactly.
 
-    The velocity v of the drive follows dv/dt = (target - v) / lag, limited to [-acceleration,
-    acceleration].  So v changes on a ramp while |target - v| > acceleration * lag, and then
-    exponentially.
+    dv/dt = (target - v) / lag, limited to [-acceleration, acceleration]: v changes on a ramp while
+    |target - v| > acceleration * lag, and then exponentially.
 
     :param velocity: velocity at the start [m/s or rad/s]
-    :param target: commanded velocity, constant [m/s or rad/s]
-    :param duration: duration of the response [s]
     :param lag: time constant of the drive [s]; 0 for a drive without a lag
     :param acceleration: largest acceleration [m/s^2 or rad/s^2]; may be infinite
-    :returns: the velocity at the end of the duration, and the distance [m] or angle [rad] covered
+    :returns: the velocity at the end, and the distance [m] or angle [rad] covered
     """
     covered = 0.0
     if math.isfinite(acceleration):
@@ -225,17 +185,10 @@ class _State:
 
 class DriveModel:
     """
-    A model of a robot that follows commanded velocities, and of its odometry.
+    A model of a robot that follows commanded velocities (unicycle model), and of its odometry.
 
-    The robot drives forwards or backwards and turns, but does not move sideways (unicycle model).
-    It starts at rest at the origin.  The parameter ``now`` of each method is the current time [s],
-    which must not decrease from call to call.
-
-    The results depend only on the commands and the time, not on how often a method is called.
-
-    :param parameters: the deviations from an ideal robot
-    :param start: the time at the start [s]
-    :param seed: the seed of all random noise
+    It starts at rest at the origin.  ``now`` must not decrease from call to call.  The results
+    depend only on the commands and the time, not on how often a method is called.
     """
 
     def __init__(self, parameters: SimulationParameters, start: float, seed: int) -> None:
@@ -256,41 +209,22 @@ class DriveModel:
         self._noise = Velocity(1.0, 1.0)
 
     def set_target(self, target: Velocity, now: float) -> None:
-        """
-        Command a velocity, which the drive begins to follow after its dead time.
-
-        The dead time is a constant delay of the drive.
-
-        :param target: the commanded velocity
-        :param now: the current time [s]
-        """
+        """Command a velocity, which the drive begins to follow after its dead time."""
         self._commands.append((now + self._parameters.dead_time, target))
         self._follow(now)
 
     def state_at(self, now: float) -> tuple[Pose, Velocity]:
-        """
-        Return the true pose and the true velocity of the robot on the floor.
-
-        :param now: the current time [s]
-        """
+        """Return the true pose and the true velocity of the robot on the floor."""
         state, velocity = self._query(now)
         return state.pose, velocity if self._floor is None else self._floor.to_floor(velocity)
 
     def reported_at(self, now: float) -> tuple[Pose, Velocity]:
-        """
-        Return the pose and the velocity in odometry, without random noise of the pose.
-
-        :param now: the current time [s]
-        """
+        """Return the pose and the velocity in odometry, without random noise of the pose."""
         state, velocity = self._query(now)
         return state.reported, velocity
 
     def odometry_at(self, now: float) -> tuple[Pose, Velocity]:
-        """
-        Return the pose and the velocity in odometry, with random noise of the pose.
-
-        :param now: the current time [s]
-        """
+        """Return the pose and the velocity in odometry, with random noise of the pose."""
         parameters, (pose, velocity) = self._parameters, self.reported_at(now)
         if parameters.odometry_noise == 0.0 and parameters.heading_noise == 0.0:
             return pose, velocity
@@ -303,27 +237,14 @@ class DriveModel:
             pose.theta + noise.gauss(0.0, parameters.heading_noise)), velocity
 
     def _query(self, now: float) -> tuple[_State, Velocity]:
-        """
-        Return the state of the model at a time, and the velocity in odometry at this time.
-
-        The state has the true pose, the odometry pose without noise, and the velocity of the drive
-        before gains and noise are applied.
-
-        :param now: the time [s]
-        """
+        """Return the state of the model at a time, and the velocity in odometry."""
         self._follow(now)
         self._advance(now)
         state = self._state_at(now)
         return state, self._reported(state.velocity.linear_x, state.velocity.angular_z)
 
     def _follow(self, now: float) -> None:
-        """
-        Make the drive follow each command that was given at least one dead time ago.
-
-        The dead time is a constant delay of the drive.
-
-        :param now: the current time [s]
-        """
+        """Make the drive follow each command that was given at least one dead time ago."""
         while self._commands and self._commands[0][0] <= now:
             time, target = self._commands.popleft()
             self._advance(time)
@@ -331,16 +252,7 @@ class DriveModel:
             self._target = target
 
     def _reported(self, linear: float, angular: float) -> Velocity:
-        """
-        Convert a velocity of the drive to the velocity in odometry.
-
-        This applies the gains, the random noise and the unwanted turn of the simulated drive.  It
-        works for a distance and an angle in the same way.
-
-        :param linear: the forward velocity [m/s] or a distance [m]
-        :param angular: the turning velocity [rad/s] or an angle [rad]
-        :returns: the velocity in odometry, or the distance and the angle in odometry
-        """
+        """Convert a velocity or a way of the drive to that in odometry: gains, noise, veer."""
         parameters = self._parameters
         reported_linear = linear * (parameters.linear_gain * self._noise.linear_x)
         reported_angular = angular * (parameters.angular_gain * self._noise.angular_z)
@@ -356,13 +268,9 @@ class DriveModel:
 
     def _advance(self, now: float) -> None:
         """
-        Compute and store the state of the model in steps of 1 ms, up to the current time.
+        Compute the state in whole steps of 1 ms, up to less than 1 ms before the current time.
 
-        Only whole steps are computed, so the time of the stored state is ``now`` or less than 1 ms
-        earlier.  For an ideal drive, nothing is computed or stored.  While the robot is at rest,
-        only the time is stored.
-
-        :param now: the current time [s]
+        Nothing is computed for an ideal drive; at rest, only the time is stored.
         """
         if self._parameters.is_ideal:
             return

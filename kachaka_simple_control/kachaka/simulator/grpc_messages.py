@@ -11,12 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Conversions between the simulated robot and its gRPC messages.
-
-Values of the robot are converted to gRPC messages.  Commands of clients are converted to tasks,
-which are sequences of motions and standstills.
-"""
+"""Conversions between the simulated robot and its gRPC messages; commands become tasks."""
 
 from __future__ import annotations
 
@@ -48,42 +43,22 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity
 
 
 def result(code: int) -> pb2.Result:
-    """
-    Return the gRPC message that says whether a request was successful.
-
-    :param code: 0 for success, else the error code
-    """
+    """Return the gRPC message that says whether a request was successful: code 0."""
     return pb2.Result(success=code == SUCCESS, error_code=code)
 
 
 def rotation(angle: float) -> pb2.Quaternion:
-    """
-    Return the quaternion message of a rotation about the z axis.
-
-    :param angle: the angle [rad], counter-clockwise positive
-    """
+    """Return the quaternion message of a rotation about the z axis [rad]."""
     return pb2.Quaternion(z=math.sin(angle / 2.0), w=math.cos(angle / 2.0))
 
 
 def pose(value: Pose) -> pb2.Pose:
-    """
-    Return the gRPC message of a pose, with the heading wrapped to [-pi, pi].
-
-    :param value: the pose [m, rad]
-    """
+    """Return the gRPC message of a pose, with the heading wrapped to [-pi, pi]."""
     return pb2.Pose(x=value.x, y=value.y, theta=math.remainder(value.theta, math.tau))
 
 
 def odometry(where: Pose, velocity: Velocity, stamp: int) -> pb2.RosOdometry:
-    """
-    Return a gRPC odometry message, which has the fields of ``nav_msgs/Odometry``.
-
-    All covariances are 0.
-
-    :param where: the pose in odometry
-    :param velocity: the velocity in odometry
-    :param stamp: the time stamp of the message [ns since 1970]
-    """
+    """Return a gRPC odometry message with covariances of 0, and a stamp [ns since 1970]."""
     return pb2.RosOdometry(
         header=pb2.RosHeader(stamp_nsec=stamp, frame_id=ODOMETRY_FRAME),
         child_frame_id=ROBOT_FRAME,
@@ -100,14 +75,7 @@ def odometry(where: Pose, velocity: Velocity, stamp: int) -> pb2.RosOdometry:
 
 
 def transform(where: Pose, frame: str, child: str, stamp: int) -> pb2.RosTransformStamped:
-    """
-    Return the gRPC message of the transform from a frame to its child frame.
-
-    :param where: the pose of the child frame in the parent frame
-    :param frame: the name of the parent frame
-    :param child: the name of the child frame
-    :param stamp: the time stamp of the transform [ns since 1970]
-    """
+    """Return the gRPC message of the pose of a child frame, with a stamp [ns since 1970]."""
     return pb2.RosTransformStamped(
         header=pb2.RosHeader(stamp_nsec=stamp, frame_id=frame), child_frame_id=child,
         translation=pb2.Vector3(x=where.x, y=where.y), rotation=rotation(where.theta))
@@ -127,12 +95,7 @@ VERSION = '3.17.5'
 
 @dataclass(frozen=True)
 class ReceivedCommand:
-    """
-    A command that the robot has received from a gRPC client.
-
-    :param command: the gRPC message of the command
-    :param time: the time of receipt [s since 1970]
-    """
+    """A command that the robot has received from a gRPC client, with its time [s since 1970]."""
 
     command: pb2.Command
     time: int
@@ -140,16 +103,7 @@ class ReceivedCommand:
 
 def task_from_request(
         request: pb2.StartCommandRequest, state: SimulatorState, identity: str) -> Task | int:
-    """
-    Convert a client's request to start a command to a task of the simulated robot.
-
-    A task is a sequence of motions and standstills.
-
-    :param request: the request
-    :param state: the simulated robot and its clock
-    :param identity: the unique name for the new task
-    :returns: the task, or an error code if the robot refuses the request
-    """
+    """Convert a client's request to a task, or return an error code if the robot refuses it."""
     name = request.command.WhichOneof('command')
     if name not in ACTIONS:
         return ERROR_UNKNOWN_NAME
@@ -219,13 +173,7 @@ ACTIONS: dict[str, Callable[[Any, SimulatorState], tuple[Action, ...] | int]] = 
 
 
 def command_of(task: Task | None) -> pb2.Command | None:
-    """
-    Return the gRPC command from which a task was made.
-
-    :param task: the task, a sequence of motions and standstills of the robot; None if there is no
-        task
-    :returns: the command; None if there is no task, or if it was not made from a gRPC command
-    """
+    """Return the gRPC command from which a task was made; None if there is none."""
     return task.note.command if task and isinstance(task.note, ReceivedCommand) else None
 
 
@@ -241,36 +189,21 @@ Fields = dict[str, Any]
 
 
 def _battery(is_docked: bool) -> Fields:
-    """
-    Return the fields of the battery message: the charge and the charging status.
-
-    The battery is always full.  It charges while the robot is docked, and discharges otherwise.
-
-    :param is_docked: whether the robot is on its charging dock
-    """
+    """Return charge and charging status: always full; it charges while the robot is docked."""
     status = (pb2.POWER_SUPPLY_STATUS_CHARGING if is_docked
               else pb2.POWER_SUPPLY_STATUS_DISCHARGING)
     return {'remaining_percentage': 100.0, 'power_supply_status': status}
 
 
 def _command_state(task: Task | None) -> Fields:
-    """
-    Return the fields of the message that says which command the robot executes now.
-
-    :param task: the task of this command; None if the robot executes no command
-    """
+    """Return the fields about the command that the robot executes now, None for none."""
     state = pb2.COMMAND_STATE_RUNNING if task else pb2.COMMAND_STATE_PENDING
     return {
         'state': state, 'command': command_of(task), 'command_id': task.identity if task else ''}
 
 
 def _last_result(results: Sequence[TaskResult]) -> Fields:
-    """
-    Return the fields of the message about the command that has ended last.
-
-    :param results: the results of the commands that have ended, newest last
-    :returns: the fields: the command, its id and its result; no fields if no command has ended yet
-    """
+    """Return the fields about the command that has ended last: itself, its id and its result."""
     if not results:
         return {}
     last = results[-1]
@@ -279,13 +212,7 @@ def _last_result(results: Sequence[TaskResult]) -> Fields:
 
 
 def _locations(dock: pb2.Pose) -> Fields:
-    """
-    Return the fields of the message about the places that the robot knows.
-
-    The charging dock is the only place.
-
-    :param dock: the pose of the dock
-    """
+    """Return the fields about the places that the robot knows: its dock."""
     return {'default_location_id': HOME, 'locations': [
         pb2.Location(id=HOME, name=HOME, pose=dock, type=pb2.LOCATION_TYPE_CHARGER)]}
 

@@ -44,10 +44,9 @@ class GrpcServer:
     """
     The gRPC server through which clients control a simulated robot.
 
-    Create, start and stop the server in the same asyncio event loop.
+    Create, start and stop it in the same asyncio event loop.
 
-    :param robot: the simulated robot; from now on, other code may use it only through ``call()``
-    :param clock: the clock that gives the robot its time
+    :param robot: from now on, other code may use it only through ``call()``
     """
 
     def __init__(self, robot: SimulatedKachaka, clock: Clock) -> None:
@@ -60,11 +59,9 @@ class GrpcServer:
 
     async def start(self, host: str = LOOPBACK, port: int = PORT) -> str:
         """
-        Start the server, which then listens for clients at an address.
+        Start to listen for clients; return the address as HOST:PORT.
 
-        :param host: the name or IP address of a network interface of this machine
         :param port: the TCP port; 0 for any free port
-        :returns: the address for clients, as HOST:PORT
         :raises OSError: if the port cannot be bound
         """
         _require_bindable(host, port)
@@ -89,15 +86,9 @@ class GrpcServer:
 
     def call(self, function: Callable[[SimulatedKachaka, float], T]) -> T:
         """
-        Run a function in the server's event loop, and return what the function returns.
+        Run a function with the robot and the time in the server's event loop; return its result.
 
-        No gRPC call is executed while the function runs.
-
-        Call this method only from a thread that does not run the event loop.
-
-        :param function: the function; its arguments are the simulated robot and the time of the
-            steady clock [s]
-        :returns: the return value of the function
+        No gRPC call is executed meanwhile.  Not from the event loop's own thread.
         """
         async def work() -> T:
             answer = function(self.state.robot, self.state.now())
@@ -106,24 +97,15 @@ class GrpcServer:
         return asyncio.run_coroutine_threadsafe(work(), self._loop).result()
 
     def wake(self) -> None:
-        """
-        Make the server read its clock again.
-
-        This is for tests that set the time of the clock.  Such a test must call this method after
-        each change of the time.
-        """
+        """Make the server read its clock again, after a test has set it."""
         self.call(lambda *_: None)
 
 
 def _require_bindable(host: str, port: int) -> None:
     """
-    Check that a TCP port can be bound.
+    Check that a TCP port can be bound: the gRPC library does not say why it cannot.
 
-    The gRPC library does not say why a port cannot be bound, but this function does.
-
-    :param host: the name or IP address of a network interface of this machine
-    :param port: the TCP port
-    :raises OSError: if the port cannot be bound; the error has the reason
+    :raises OSError: with the reason
     """
     family, kind, protocol, _, address = socket.getaddrinfo(
         host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
@@ -139,11 +121,8 @@ def serving(
     """
     Run a gRPC server for a simulated robot, in a new thread, during a ``with`` block.
 
-    :param robot: the simulated robot; its start time must come from ``clock``
+    :param robot: its start time must come from ``clock``
     :param port: the TCP port; 0 for any free port
-    :param host: the name or IP address of a network interface of this machine
-    :param clock: the clock that gives the robot its time; default: the clock of this machine
-    :returns: a context manager, which gives the block the running ``GrpcServer``
     :raises OSError: if the port cannot be bound
     """
     loop = asyncio.new_event_loop()

@@ -59,16 +59,7 @@ MAX_INTENSITY = 255
 
 
 def _with_result(execute: Callable[[Any, Any], int]) -> Callable[..., Awaitable[Any]]:
-    """
-    Turn a method into a gRPC handler; this function is a decorator.
-
-    The handler passes the request to the method, and responds with success or an error code.  It
-    also wakes all gRPC calls that wait for a change of the robot.
-
-    :param execute: the method, which has the name of the gRPC call; it executes a request, and
-        returns 0 for success, else an error code
-    :returns: the handler, which is a coroutine function
-    """
+    """Turn a method that returns a code into a gRPC handler, which also wakes waiting calls."""
     @functools.wraps(execute)
     async def call(self: SimulatedKachakaServicer, request: Any, _context: Any) -> Any:
         code = execute(self, request)
@@ -81,11 +72,8 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
     """
     The gRPC service of a simulated Kachaka robot; each gRPC call is a method.
 
-    Some calls only read a value.  Their methods are added from the table
-    ``grpc_messages.READINGS``.  All calls of the real robot that are not implemented fail with the
-    gRPC status UNIMPLEMENTED.
-
-    :param state: the simulated robot and its clock
+    Those that read a value are added from ``grpc_messages.READINGS``.  Calls of the real robot
+    that are not implemented fail with UNIMPLEMENTED.
     """
 
     def __init__(self, state: SimulatorState) -> None:
@@ -113,13 +101,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
     async def SetRobotVelocity(
             self, request: pb2.SetRobotVelocityRequest, context: Any
             ) -> pb2.SetRobotVelocityResponse:
-        """
-        Let the robot drive with the requested velocity, clipped to the robot's limits.
-
-        The robot stops if it receives no new velocity within its command timeout of 0.3 s.  The
-        request is refused while manual control, the mode in which the robot follows velocities, is
-        off.
-        """
+        """Let the robot drive within its limits for its command timeout."""
         code = self.state.robot.set_robot_velocity(
             request.linear, request.angular, self.state.now())
         # No notify(): no long poll depends on the velocity, and this call must be fast.
@@ -127,11 +109,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     @_with_result
     def SetManualControlEnabled(self, request: pb2.SetManualControlEnabledRequest) -> int:
-        """
-        Switch manual control on for 60 s, or switch it off.
-
-        Manual control is the mode in which the robot follows velocities.
-        """
+        """Switch manual control on for 60 s, or switch it off."""
         return self.state.robot.set_manual_control(request.enable, self.state.now())
 
     @_with_result
@@ -141,11 +119,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     @_with_result
     def SetRobotPose(self, request: pb2.SetRobotPoseRequest) -> int:
-        """
-        Set the robot's estimate of its pose on the map; the robot does not move.
-
-        A pose that is infinite or NaN is refused.
-        """
+        """Set the robot's estimate of its pose on the map; it must be finite."""
         state, pose = self.state, request.pose
         if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):
             return ERROR_NOT_A_VELOCITY
@@ -155,11 +129,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     @_with_result
     def SetSpeakerVolume(self, request: pb2.SetSpeakerVolumeRequest) -> int:
-        """
-        Store the speaker volume, which ``GetSpeakerVolume()`` then returns.
-
-        The volume has no other effect.  A volume that is not from 0 to 10 is refused.
-        """
+        """Store the speaker volume, from 0 to 10; no other effect."""
         code = _check(request.volume, MAX_VOLUME)
         if code == SUCCESS:
             self._volume = request.volume
@@ -177,21 +147,13 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     @_with_result
     def SetAutoHomingEnabled(self, request: pb2.SetAutoHomingEnabledRequest) -> int:
-        """
-        Store whether auto homing is enabled, which ``GetAutoHomingEnabled()`` then returns.
-
-        This has no other effect: the simulated robot has no auto homing.
-        """
+        """Store whether auto homing is enabled; no other effect."""
         self._auto_homing = request.enable
         return SUCCESS
 
     @_with_result
     def ResetShelfPose(self, request: pb2.ResetShelfPoseRequest) -> int:
-        """
-        Refuse a request with a shelf id, because the simulated robot has no shelves.
-
-        A request without a shelf id succeeds, but has no effect.
-        """
+        """Refuse a shelf id, because there are no shelves; without one, do nothing."""
         return ERROR_UNKNOWN_NAME if request.shelf_id else SUCCESS
 
     @_with_result
@@ -201,21 +163,12 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     @_with_result
     def Proceed(self, request: pb2.EmptyRequest) -> int:
-        """
-        End the current lock command early.
-
-        A lock command makes the robot stand still for a given time.
-        """
+        """End the current lock command, a standstill for a time, early."""
         return self.state.robot.end_standstill(self.state.now())
 
     async def StartCommand(
             self, request: pb2.StartCommandRequest, context: Any) -> pb2.StartCommandResponse:
-        """
-        Start a command of the robot, for example a drive to a pose.
-
-        If ``cancel_all`` is set in the request, all earlier commands are cancelled and the new
-        command starts now.  Otherwise it starts when all earlier commands have ended.
-        """
+        """Start a command, after all others or, with ``cancel_all``, instead of them."""
         state = self.state
         identity = f'{state.new_cursor():016x}'
         task = grpc_messages.task_from_request(request, state, identity)
@@ -228,11 +181,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     async def CancelCommand(
             self, request: pb2.EmptyRequest, context: Any) -> pb2.CancelCommandResponse:
-        """
-        Cancel the running command of the robot, and all commands that wait.
-
-        The response has the command that was running, or an error code if no command was running.
-        """
+        """Cancel all commands; return the running one, or an error code if there is none."""
         task = self.state.robot.cancel_tasks(self.state.now())
         self.state.notify()
         code = ERROR_NOTHING_TO_DO if task is None else SUCCESS
@@ -251,12 +200,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
     async def GetStaticTransform(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetStaticTransformResponse:
-        """
-        Return the two fixed transforms between frames of the robot.
-
-        They are the transforms from base_footprint to base_link, and from base_link to
-        laser_frame.
-        """
+        """Return the fixed transforms base_footprint to base_link to laser_frame."""
         cursor, _ = await self.values['constant'].get(request.metadata.cursor)
         stamp = self.state.clock.stamp()
         laser = grpc_messages.transform(LASER, BODY_FRAME, LASER_FRAME, stamp)
@@ -268,11 +212,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
     async def GetDynamicTransform(
             self, request: pb2.EmptyRequest, context: Any
             ) -> AsyncIterator[pb2.GetDynamicTransformResponse]:
-        """
-        Send two transforms to the client every 20 ms, until the client disconnects.
-
-        They are the transforms from map to odom, and from odom to base_footprint.
-        """
+        """Send map to odom to base_footprint every 20 ms until the client disconnects."""
         cursor = 0
         while True:
             cursor, transforms = await self.values['transforms'].get(cursor)
@@ -299,18 +239,7 @@ def _check(value: int, highest: int) -> int:
 
 
 def _reading(name: str, value: str, fields: Callable[[Any], dict[str, Any]]) -> Callable[..., Any]:
-    """
-    Return the gRPC handler of a call that reads one value of the robot.
-
-    Each version of the value has a cursor, a number that identifies the version.  The client sends
-    the cursor of the version that it has.  If this is the newest version, the call waits for the
-    next one.  Otherwise the call returns the newest version at once.
-
-    :param name: the name of the gRPC call
-    :param value: the name of the value
-    :param fields: a function that converts the value to the fields of the response
-    :returns: the handler, which is a coroutine function
-    """
+    """Return the gRPC handler of a call that reads one value: a long poll."""
     async def call(self: SimulatedKachakaServicer, request: pb2.GetRequest, _: Any) -> Any:
         cursor, newest = await self.values[value].get(request.metadata.cursor)
         return getattr(pb2, f'{name}Response')(

@@ -11,13 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-The data that the gRPC calls of the simulated robot use.
-
-They are the robot, its clock, the transform between the map and odometry frames, and the values
-that clients read, for example whether the robot is docked.  A client can wait until such a value
-changes.
-"""
+"""What the gRPC calls of the simulated robot use: robot, clock, map, and values to wait for."""
 
 from __future__ import annotations
 
@@ -36,8 +30,7 @@ class Clock:
     """
     The clocks of this machine: a steady clock, and the time of day.
 
-    A test can use a subclass with a time that the test sets.  The test must wake the gRPC server
-    after each change of the time.
+    A test can set the time of a subclass, and must wake the server after each change.
     """
 
     def now(self) -> float:
@@ -50,22 +43,15 @@ class Clock:
 
     def delay(self, until: float) -> float | None:
         """
-        Return how long the server must wait until the steady clock reaches a time.
+        Return how long to wait until the steady clock reaches a time [s].
 
-        :param until: the time [s, steady clock]
-        :returns: the duration of the wait [s]; 0 if the time has passed.  A subclass for tests
-            returns None: the server then waits until the test wakes it
+        :returns: None in a subclass for tests: until the test wakes the server
         """
         return max(until - self.now(), 0.0)
 
 
 class MapToOdom:
-    """
-    The transform between the map frame and the odometry frame of the robot.
-
-    At first, both frames have the same origin and the same direction.  ``correct()`` changes the
-    transform.
-    """
+    """The transform between map and odometry frame, equal at first."""
 
     def __init__(self) -> None:
         #: the pose of the odometry frame in the map frame
@@ -80,12 +66,7 @@ class MapToOdom:
         return relative_to(self.offset, pose)
 
     def correct(self, map_pose: Pose, odometry_pose: Pose) -> None:
-        """
-        Change the transform so that it converts a given odometry pose to a given map pose.
-
-        :param map_pose: the pose of the robot in the map frame
-        :param odometry_pose: the pose of the robot in the odometry frame at the same time
-        """
+        """Change the transform so that it converts a given odometry pose to a given map pose."""
         self.offset = compose(map_pose, relative_to(odometry_pose, ORIGIN))
 
 
@@ -93,13 +74,8 @@ class SimulatorState:
     """
     The simulated robot, its clock, and the transform between map and odometry.
 
-    All code that uses this object runs in one asyncio event loop, so no lock is needed.  gRPC
-    calls can wait until the robot changes.  Code that changes the robot must call ``notify()`` to
-    wake these calls.  ``run()`` wakes them when the robot changes without a request, for example
-    when the robot has completed a motion.
-
-    :param robot: the simulated robot; from now on, code outside of the event loop must not use it
-    :param clock: the clock that gives the robot its time
+    All its code runs in one asyncio event loop.  Code that changes the robot calls ``notify()`` to
+    wake the calls that wait; ``run()`` does so when the robot changes by itself.
     """
 
     def __init__(self, robot: SimulatedKachaka, clock: Clock) -> None:
@@ -119,22 +95,13 @@ class SimulatorState:
         changed.set()
 
     def new_cursor(self) -> int:
-        """
-        Return a new cursor, a number that identifies one version of a value.
-
-        It is larger than every cursor that was returned since the start of this machine, also by
-        earlier processes.
-        """
+        """Return a new cursor, larger than all since this machine started, in any process."""
         # The cursors of the real robot are times, too.
         self._cursor = max(self._cursor + 1, int(self.now() * 1e9))
         return self._cursor
 
     async def wait(self, until: float = math.inf) -> None:
-        """
-        Wait until ``notify()`` is called, or until a time is reached.
-
-        :param until: the time [s, steady clock]; infinity to wait only for ``notify()``
-        """
+        """Wait for ``notify()``, or until a time [s, steady clock]; infinity for no limit."""
         timeout = self.clock.delay(until) if math.isfinite(until) else None
         with contextlib.suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self._changed.wait(), timeout)
@@ -142,11 +109,7 @@ class SimulatorState:
             await asyncio.sleep(0.0)
 
     async def run(self) -> None:
-        """
-        Wake all waiting gRPC calls each time that the robot changes without a request.
-
-        An example is the end of a command.  This coroutine runs until it is cancelled.
-        """
+        """Wake all waiting calls when the robot changes by itself, until this is cancelled."""
         while True:
             change_time = self.robot.next_change(self.now())
             await self.wait(change_time)
@@ -162,15 +125,11 @@ class LongPollValue(Generic[T]):
     """
     A value of the robot for long polls, which are gRPC calls that wait until the value changes.
 
-    Each version of the value has a cursor, a number that identifies the version; see docs/GRPC.md
-    of pf-robotics/kachaka-api.  A client sends the cursor of the version that it has.  If this
-    version is the newest one, the call waits for the next version.  For any other cursor, and for
-    0, the call returns the newest version at once.
+    Each version has a cursor; see docs/GRPC.md of pf-robotics/kachaka-api.  A client sends the
+    cursor of its version: it gets the newest one at once or, if it has that, waits for the next.
 
-    :param state: the simulated robot and its clock
-    :param read: a function that returns the value now; its argument is the time [s, steady clock]
-    :param period: the time between two versions of the value [s]; 0 if there is a new version only
-        when the value has changed
+    :param read: returns the value at a time [s, steady clock]
+    :param period: between two versions [s]; 0 if there is one only when the value has changed
     """
 
     def __init__(
@@ -186,9 +145,7 @@ class LongPollValue(Generic[T]):
         """
         Return the newest value; if the client already has this value, wait for the next one.
 
-        :param cursor: the cursor of the client's value, a number that identifies this version of
-            the value; 0 if the client has no value
-        :returns: the cursor of the newest value, and this value
+        :param cursor: that of the client's value; 0 if it has none
         """
         while True:
             self._refresh()

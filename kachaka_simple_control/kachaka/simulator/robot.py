@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-The simulated Kachaka robot, which follows velocities and executes tasks.
-
-It also simulates manual control, the charging dock, and the power button.
-"""
+"""The simulated Kachaka: velocities, tasks, manual control, dock and power button."""
 
 from __future__ import annotations
 
@@ -48,12 +44,7 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 
 
 class TimedState(Enum):
-    """
-    The states of the simulated robot for which the end time is stored.
-
-    They are: manual control is on, the robot follows a velocity, the robot leaves its dock, and
-    the robot executes a task.
-    """
+    """The states that end at a stored time: manual control, a velocity, undocking, a task."""
 
     MANUAL_CONTROL = 'manual control'
     #: the robot keeps the last velocity until the command timeout
@@ -68,19 +59,12 @@ class SimulatedKachaka:
     """
     A simulated Kachaka that behaves as the real robot does when it is controlled over gRPC.
 
-    The robot follows velocities while manual control is on.  Otherwise it can execute tasks, which
-    are sequences of motions and standstills.  The manufacturer does not document all behaviour of
-    the real robot.  In docstrings, "assumed" marks behaviour that is not documented.
+    It follows velocities while manual control is on; otherwise it can execute tasks.  "Assumed"
+    marks behaviour that the manufacturer does not document.  ``now`` never goes back: an earlier
+    one counts as the latest so far.  Methods that change the robot return 0 or an error code.  Not
+    thread-safe.
 
-    The parameter ``now`` of each method is the current time of a steady clock [s].  If it is
-    earlier than in a previous call, the latest time so far is used.  Most methods that change the
-    robot return 0 for success, or an error code.  The class is not thread-safe.
-
-    :param start: the current time [s, steady clock]
-    :param parameters: the deviations of the drive and of odometry from an ideal robot
-    :param docked: whether the robot starts on its charging dock
-    :param seed: the seed of all random noise; with the same seed, the same calls at the same times
-        return the same values
+    :param seed: of all random noise: the same calls at the same times return the same
     """
 
     def __init__(
@@ -100,15 +84,10 @@ class SimulatedKachaka:
         """
         Switch manual control on for 60 s, or switch it off.
 
-        Manual control is the mode in which the robot follows velocities.  When it is switched on,
-        all tasks are cancelled, and a docked robot first leaves its dock.  The cancelling of tasks
-        is assumed, not documented by the manufacturer.  When manual control is switched off, the
-        robot stops, unless it is just leaving its dock.
+        On: all tasks are cancelled (assumed), and a docked robot leaves its dock.  Off: the robot
+        stops, unless it is just leaving its dock.
 
-        :param enabled: true to switch manual control on, false to switch it off
-        :param now: the current time [s, steady clock]
-        :returns: 0 for success; an error code if manual control cannot be switched on, because the
-            robot is paused
+        :returns: an error code if the robot is paused
         """
         now = self._advance(now)
         if enabled and self._is_paused:
@@ -123,19 +102,14 @@ class SimulatedKachaka:
 
     def set_robot_velocity(self, linear: float, angular: float, now: float) -> int:
         """
-        Drive with a velocity until the next velocity, or until the command timeout of 0.3 s.
+        Drive with a velocity until the next one, or until the command timeout of 0.3 s.
 
-        A velocity above the robot's limits is clipped to them.  While the robot leaves its dock,
-        it ignores the velocity and returns no error.  The clipping and the ignoring are assumed,
-        not documented by the manufacturer.
+        It is clipped to the limits, and ignored while the robot leaves its dock (both assumed).
 
-        :param linear: the forward velocity as a fraction of the robot's largest forward velocity,
-            -1 to 1
-        :param angular: the turning velocity as a fraction of the robot's largest turning velocity,
-            -1 to 1, counter-clockwise positive
-        :param now: the current time [s, steady clock]
-        :returns: 0 for success; an error code if manual control is off, the robot is paused, or
-            the velocity is infinite or NaN
+        :param linear: a fraction of the largest forward velocity, -1 to 1
+        :param angular: of the largest turning velocity, -1 to 1, counter-clockwise positive
+        :returns: an error code if manual control is off, the robot is paused, or the velocity is
+            infinite or NaN
         """
         now = self._advance(now)
         if not (math.isfinite(linear) and math.isfinite(angular)):
@@ -154,16 +128,10 @@ class SimulatedKachaka:
 
     def start_task(self, task: Task, now: float, drop_others: bool = True) -> int:
         """
-        Start a task, which is a sequence of motions and standstills, and end manual control.
+        Start a task, and end manual control (assumed); a docked robot leaves its dock (assumed).
 
-        If the task moves a docked robot, the robot first leaves its dock.  The motion off the dock
-        and the end of manual control are assumed, not documented by the manufacturer.
-
-        :param task: the task
-        :param now: the current time [s, steady clock]
-        :param drop_others: true to cancel all other tasks; false to start the new task when all
-            other tasks have ended
-        :returns: 0 for success; an error code if the robot is paused and the task would move it
+        :param drop_others: whether to cancel all other tasks, or to start after them
+        :returns: an error code if the robot is paused and the task would move it
         """
         now = self._advance(now)
         if self._is_paused and task.moves:
@@ -181,12 +149,7 @@ class SimulatedKachaka:
         return SUCCESS
 
     def cancel_tasks(self, now: float) -> Task | None:
-        """
-        Cancel the running task and all waiting tasks.
-
-        :param now: the current time [s, steady clock]
-        :returns: the task that was running, or None
-        """
+        """Cancel all tasks; return the running one, or None."""
         now = self._advance(now)
         task = self._tasks.current
         self._drop_tasks(ERROR_CANCELLED, now)
@@ -194,12 +157,9 @@ class SimulatedKachaka:
 
     def end_standstill(self, now: float) -> int:
         """
-        End the standstill of a running task early, if clients may end it.
+        End the standstill of a running task, if clients may; the next action follows.
 
-        The task then continues with its next action.
-
-        :param now: the current time [s, steady clock]
-        :returns: 0 for success; an error code if the robot does not execute such a standstill
+        :returns: an error code if there is no such standstill
         """
         now = self._advance(now)
         if not self._tasks.end_standstill(now):
@@ -210,14 +170,10 @@ class SimulatedKachaka:
 
     def set_emergency_stop(self, now: float) -> int:
         """
-        Stop and pause the robot, as its power button does.
+        Stop and pause the robot, as its power button does: it refuses to move; return 0.
 
-        A paused robot refuses to move.  The stop also ends manual control, all tasks and the
-        motion off the dock, so the robot does not move again when the pause ends.  The end of the
-        motion off the dock is assumed, not documented by the manufacturer.
-
-        :param now: the current time [s, steady clock]
-        :returns: 0, because this is always successful
+        Manual control, all tasks and undocking (assumed) end, so it does not move again after the
+        pause.
         """
         now = self._advance(now)
         self._drop_tasks(ERROR_PAUSED, now)
@@ -227,106 +183,54 @@ class SimulatedKachaka:
         return SUCCESS
 
     def press_power_button(self, now: float) -> None:
-        """
-        Stop and pause the robot; if the robot is paused already, end the pause.
-
-        A paused robot refuses to move.
-
-        :param now: the current time [s, steady clock]
-        """
+        """Stop and pause the robot, or end its pause."""
         if self._is_paused:
             self._is_paused = False
         else:
             self.set_emergency_stop(now)
 
     def task(self, now: float) -> Task | None:
-        """
-        Return the task that the robot executes, or None if it executes none.
-
-        :param now: the current time [s, steady clock]
-        """
+        """Return the task that the robot executes, or None if it executes none."""
         self._advance(now)
         return self._tasks.current
 
     def task_results(self, now: float) -> tuple[TaskResult, ...]:
-        """
-        Return the results of the last 100 tasks that have ended, newest last.
-
-        :param now: the current time [s, steady clock]
-        """
+        """Return the results of the last 100 tasks that have ended, newest last."""
         self._advance(now)
         return tuple(self._tasks.results)
 
     def errors(self, now: float) -> tuple[int, ...]:
-        """
-        Return the codes of the robot's current errors.
-
-        The only possible error is that the robot is paused.
-
-        :param now: the current time [s, steady clock]
-        """
+        """Return the codes of the robot's current errors; the only one is that it is paused."""
         self._advance(now)
         return (ERROR_PAUSED,) if self._is_paused else ()
 
     def manual_control(self, now: float) -> bool:
-        """
-        Return whether manual control is on.
-
-        Manual control is the mode in which the robot follows velocities.
-
-        :param now: the current time [s, steady clock]
-        """
+        """Return whether manual control is on."""
         self._advance(now)
         return TimedState.MANUAL_CONTROL in self._until
 
     def actions_to_dock(self, now: float) -> tuple[Action, ...]:
-        """
-        Return the motions that bring the robot to its charging dock.
-
-        :param now: the current time [s, steady clock]
-        :returns: the motions, in order; no motions if the robot is docked
-        """
+        """Return the motions that bring the robot to its charging dock; none if it is docked."""
         parameters = self._parameters
         return () if self.is_docked(now) else plan_docking(
             self.dock, parameters.undock_distance, parameters.undock_velocity)
 
     def is_docked(self, now: float) -> bool:
-        """
-        Return whether the robot stands on its charging dock.
-
-        This is false from the moment when the robot begins to leave the dock.
-
-        :param now: the current time [s, steady clock]
-        """
+        """Return whether the robot is on its charging dock; false once it begins to leave."""
         self._advance(now)
         return self._is_docked
 
     def next_change(self, now: float) -> float:
-        """
-        Return when the robot will change next without a request.
-
-        An example is the end of manual control after 60 s.
-
-        :param now: the current time [s, steady clock]
-        :returns: the time of the change [s, steady clock]; infinity if no change is due
-        """
+        """Return when the robot will change without a request [s]; infinity if never."""
         self._advance(now)
         return min(self._until.values(), default=math.inf)
 
     def state(self, now: float) -> tuple[Pose, Velocity]:
-        """
-        Return the robot's true pose relative to its start pose, and its true velocity.
-
-        :param now: the current time [s, steady clock]
-        """
+        """Return the robot's true pose relative to its start pose, and its true velocity."""
         return self._drive.state_at(self._advance(now))
 
     def odometry(self, now: float) -> tuple[Pose, Velocity]:
-        """
-        Return the pose and the velocity in the robot's odometry; the pose has random noise.
-
-        :param now: the current time [s, steady clock]
-        """
+        """Return the pose and the velocity in the robot's odometry; the pose has random noise."""
         return self._drive.odometry_at(self._advance(now))
 
     @property
@@ -335,15 +239,7 @@ class SimulatedKachaka:
         return self._parameters.floor is not None
 
     def _advance(self, now: float) -> float:
-        """
-        Simulate the robot until a given time.
-
-        Some states of the robot, such as manual control, have an end time.  If the end time is
-        not later than the given time, the state ends at its end time.
-
-        :param now: the given time [s, steady clock]
-        :returns: the latest time of this call and all earlier calls [s, steady clock]
-        """
+        """Simulate the robot until a time; return the latest time so far."""
         self._now = max(self._now, now)
         while self._until:
             state, end = min(self._until.items(), key=lambda item: item[1])
@@ -363,14 +259,7 @@ class SimulatedKachaka:
             self._drive.set_target(ZERO, now)
 
     def _run_tasks(self, now: float) -> None:
-        """
-        Compute the velocity of the running task, and set the time of the next computation.
-
-        If the task has ended, the next waiting task is started.  If no task waits, the robot
-        stops.  A docked robot leaves its dock before it executes a task with a motion.
-
-        :param now: the current time [s, steady clock]
-        """
+        """Compute the velocity of the running task, or of the next one, after leaving the dock."""
         while (task := self._tasks.current) is not None:
             if self._is_docked and task.moves:
                 self._is_docked = False

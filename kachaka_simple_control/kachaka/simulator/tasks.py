@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Tasks of the simulated robot, the controller of their actions, and their queue.
-
-A task is a sequence of actions.  An action is a straight line, a turn in place, or a standstill.
-"""
+"""Tasks of the simulated robot, the controller of their actions, and their queue."""
 
 from __future__ import annotations
 
@@ -53,9 +49,7 @@ class MotionAction:
     """
     An action that moves the robot: one straight line or one turn in place.
 
-    :param length: a function whose argument is the pose at the start of the action; it returns the
-        distance [m], negative backwards, or the angle [rad], counter-clockwise positive
-    :param is_turn: true for a turn, false for a straight line
+    :param length: returns the distance [m] or angle [rad] from the pose at its start, signed
     :param speed: the largest speed [m/s or rad/s]; 0 for the largest speed of the robot
     """
 
@@ -68,29 +62,20 @@ def drive_straight(distance: float, speed: float = 0.0) -> MotionAction:
     """
     Return an action that drives the robot straight.
 
-    :param distance: the distance [m], negative backwards
+    :param distance: negative backwards [m]
     :param speed: the largest speed [m/s]; 0 for the largest speed of the robot
     """
     return MotionAction(lambda _: distance, speed=speed)
 
 
 def turn_in_place(angle: float) -> MotionAction:
-    """
-    Return an action that turns the robot in place.
-
-    :param angle: the angle [rad], counter-clockwise positive; it may be more than a full turn
-    """
+    """Return an action that turns the robot in place by an angle [rad]."""
     return MotionAction(lambda _: angle, is_turn=True)
 
 
 @dataclass(frozen=True)
 class StandStill:
-    """
-    An action in which the robot stands still for a time.
-
-    :param duration: the time [s]
-    :param can_be_ended: whether a client may end the standstill early
-    """
+    """An action in which the robot stands still for a time; clients may be able to end it."""
 
     duration: float
     can_be_ended: bool = False
@@ -100,13 +85,7 @@ Action = MotionAction | StandStill
 
 
 def plan_to_pose(pose: Pose) -> tuple[Action, ...]:
-    """
-    Return the actions to reach a pose: a turn, a straight line and a second turn.
-
-    Each turn takes the shorter direction.  Obstacles are not considered.
-
-    :param pose: the pose to reach, in the odometry frame
-    """
+    """Return the actions to a pose: a turn, a straight line and a turn; the shorter way each."""
     def distance(start: Pose) -> float:
         return math.hypot(pose.x - start.x, pose.y - start.y)
 
@@ -129,24 +108,13 @@ def plan_docking(dock: Pose, distance: float, speed: float) -> tuple[Action, ...
     Return the actions to dock: drive to a pose in front of the dock, then backwards onto it.
 
     :param dock: the pose of the docked robot, in the odometry frame
-    :param distance: the distance to drive backwards [m]
-    :param speed: the speed of the backward motion [m/s]
+    :param distance: to drive backwards [m], with a speed [m/s]
     """
     return (*plan_to_pose(advance(dock, distance, 0.0)), drive_straight(-distance, speed))
 
 
 class ActionController:
-    """
-    The controller of one action: a straight line, a turn in place, or a standstill.
-
-    For a motion, it computes each velocity from the current pose (closed loop).  So the robot
-    reaches the goal even if its drive is noisy or has a wrong gain.
-
-    :param action: the action
-    :param start: the pose at the start of the action
-    :param now: the start time of the action [s]
-    :param parameters: the parameters of the robot's drive
-    """
+    """The controller of one action: a closed loop, which reaches its goal in spite of noise."""
 
     def __init__(
             self, action: Action, start: Pose, now: float,
@@ -172,13 +140,9 @@ class ActionController:
     def step(
             self, pose: Pose, velocity: Velocity, now: float) -> tuple[Velocity, float] | bool:
         """
-        Compute the next velocity of the action, or detect that the action has ended.
+        Return the next velocity and the time of the next step [s].
 
-        :param pose: the current pose, which odometry reports
-        :param velocity: the current velocity
-        :param now: the current time [s]
-        :returns: the next velocity and the time of the next step [s].  If the action has ended, a
-            bool is returned instead: true if the action was successful
+        :returns: once the action has ended, whether it was successful
         """
         action = self._action
         if isinstance(action, StandStill):
@@ -219,10 +183,8 @@ class Task:
     """
     A task of the robot: a sequence of straight lines, turns in place and standstills.
 
-    :param identity: the unique name of the task
-    :param actions: the lines, turns and standstills, in order
     :param ends_docked: whether the robot is on its dock after the last action
-    :param note: any data that the client stores with the task; the task does not use them
+    :param note: what the client stores with the task
     """
 
     identity: str
@@ -238,12 +200,7 @@ class Task:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """
-    The result of a task of the robot.
-
-    :param task: the task
-    :param code: 0 for success, else the error code
-    """
+    """The result of a task of the robot: code 0 for success, else the error code."""
 
     task: Task
     code: int
@@ -255,14 +212,7 @@ class TaskResult:
 
 
 class TaskQueue:
-    """
-    The queue of the tasks of one robot.
-
-    The robot executes one task after another.  A task is a sequence of actions: straight lines,
-    turns in place and standstills.
-
-    :param parameters: the parameters of the robot's drive
-    """
+    """The tasks of one robot, executed one after another."""
 
     def __init__(self, parameters: SimulationParameters) -> None:
         self._parameters = parameters
@@ -274,43 +224,24 @@ class TaskQueue:
         self.results: deque[TaskResult] = deque(maxlen=MAX_RESULTS)
 
     def add(self, task: Task) -> None:
-        """
-        Add a task at the end of the queue.
-
-        If the robot executes no task now, the new task becomes the current task at once.
-
-        :param task: the task
-        """
+        """Add a task at the end of the queue."""
         self._waiting.append(task)
         if self.current is None:
             self._start_next()
 
     def drop_all(self, code: int) -> None:
-        """
-        End the current task and all waiting tasks without success.
-
-        :param code: the error code, which is stored as the result of each of these tasks
-        """
+        """End all tasks with an error code."""
         dropped = [] if self.current is None else [self.current]
         self.results.extend(TaskResult(task, code) for task in (*dropped, *self._waiting))
         self._waiting.clear()
         self._start_next()
 
     def prepend(self, action: Action) -> None:
-        """
-        Insert an action before all remaining actions of the current task.
-
-        :param action: the action: a straight line, a turn in place or a standstill
-        """
+        """Insert an action before all remaining actions of the current task."""
         self._actions.appendleft(action)
 
     def end_standstill(self, now: float) -> bool:
-        """
-        End the standstill of the current task early, if clients may end it.
-
-        :param now: the current time [s]
-        :returns: true if the robot executes such a standstill, else false
-        """
+        """End the standstill of the current task, if clients may; return whether there was one."""
         if self._controller is None or not isinstance(
                 action := self._actions[0], StandStill) or not action.can_be_ended:
             return False
@@ -320,17 +251,7 @@ class TaskQueue:
     def step(
             self, pose: Pose, velocity: Velocity,
             now: float) -> tuple[Velocity, float] | TaskResult:
-        """
-        Compute the next velocity of the current task, or detect that the task has ended.
-
-        If the current task has ended, the next task in the queue becomes the current task.
-
-        :param pose: the current pose, which odometry reports
-        :param velocity: the current velocity
-        :param now: the current time [s]
-        :returns: the next velocity and the time of the next step [s].  If the task has ended, its
-            result is returned instead
-        """
+        """Return the next velocity and the time of the next step [s], or the result at the end."""
         while self._actions:
             if self._controller is None:
                 self._controller = ActionController(self._actions[0], pose, now, self._parameters)
