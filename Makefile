@@ -30,7 +30,7 @@ help:  ## print this list
 	@echo 'make TARGET [PYTHON=python3.12] [DISTRO=kilted]'
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile
 
-run: setup  ## set up (about a minute, once), then drive a simulated robot; 11 s
+run: setup  ## set up (seconds; the first time a minute or two of download), then drive a simulated robot; 11 s
 	$(VENV)/bin/kachaka_simple_control --sim
 
 console: setup  ## set up, then serve the console of a simulated robot, for a browser on this machine
@@ -54,7 +54,6 @@ test-lowest:  ## test what needs no ROS with the oldest releases, under Python 3
 check: setup  ## set up, then check style, types, who imports whom, workflows, and with Humble's linters; 1 minute
 	$(VENV)/bin/ruff check
 	$(VENV)/bin/mypy
-	$(VENV)/bin/mypy --follow-imports=silent tools/environment.py
 	$(VENV)/bin/lint-imports --no-cache --no-logo
 	$(VENV)/bin/zizmor --offline --strict-collection .github
 	@tools/check_humble_linters.sh $(python) .venv-humble-linters
@@ -76,7 +75,7 @@ console-matrix: setup  ## let everything happen to the console and its browser: 
 lossy-link: setup  ## stop and move over a bad link, as root: half an hour; QUICK=1: minutes
 	$(VENV)/bin/python -m benchmarks.lossy_link $(if $(QUICK),--quick)
 
-mutants: setup  ## break the package on purpose, see that tests notice: half an hour; QUICK=1: pure ones, 2 minutes
+mutants: setup  ## break the package on purpose, see that tests notice: 10 minutes; QUICK=1: pure ones, 2
 	$(VENV)/bin/python tools/mutants/run.py --jobs 2 $(if $(QUICK),--pure)
 
 # Drawing has an environment of its own: its numpy need not be the one that a sourced ROS wants.
@@ -95,7 +94,7 @@ docs:  ## build docs/ as a site in docs/_build, and do what it tells a reader to
 	    -d docs/_build/doctrees docs docs/_build/$(DOCS)
 	$(VENV)-colcon/bin/python -m pytest -rs -n 4 --dist worksteal test/test_docs.py
 
-setup:  ## make the environment, if what it is made from has changed; about a minute
+setup:  ## make the environment, if what it is made from has changed; seconds
 	$(SET_UP) $(VENV)
 
 # Debian names it one way, Ubuntu the other.
@@ -105,10 +104,8 @@ browser:  ## install Chromium for tests of pages, and what the console matrix us
 	    $(AS_ROOT) apt-get install --yes chromium-browser chromium-chromedriver
 	$(AS_ROOT) apt-get install --yes --no-install-recommends xvfb openbox nftables
 
-lock:  ## write requirements/*.txt anew, with the newest releases; 1 minute
-	$(python) -m venv --clear .venv-lock
-	.venv-lock/bin/python -m pip install --quiet uv
-	tools/lock.sh .venv-lock/bin/uv
+lock: setup  ## write requirements/*.txt anew, with the newest releases; 1 minute
+	tools/lock.sh .venv-uv/bin/uv
 
 clean:  ## remove all that the other targets made; a second
 	rm -rf .venv .venv-* build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
