@@ -19,7 +19,7 @@ package_name = 'kachaka_simple_control'
 
 setup(
     name=package_name,
-    version='0.1.0',
+    version='0.2.0',
     description='Drive a robot by exactly timed velocities, and stop it whatever happens',
     author='kachaka_simple_control contributors',
     author_email='kachaka-simple-control@example.com',
