@@ -71,7 +71,7 @@ def outcome(log: DriveLog) -> Outcome:
             OutcomeKind.STOPPED, f'Stopped by {name}', f'{name} ended the program.')
         if reason is not None and reason != f'stopped by {name}':
             # With --wait a program continues after an aborted motion.
-            text += f' A motion had been given up: {_sentence(reason)}'
+            text += f' A motion had ended early: {_sentence(reason)}'
     elif not any(motion.has_begun for motion in log.motions):
         return Outcome(OutcomeKind.NEVER_BEGAN, 'Never began',
                        _sentence(fault or reason or 'The program ended without driving'))

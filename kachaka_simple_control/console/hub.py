@@ -297,7 +297,7 @@ class Hub:
         if not want:
             has_changed = self._lose_lease(page)
             self._was_given_up = has_changed
-            outcome = has_changed, 'given up' if has_changed else 'this page does not drive'
+            outcome = has_changed, 'released' if has_changed else 'this page does not drive'
         elif self.lease.ask(page, now):
             self._is_releasing = False
             outcome = True, 'this page drives'

@@ -474,7 +474,7 @@ class GuardianProcess:
             # If the pipe is broken, the guardian has ended.  If it is full, the guardian has not
             # read for minutes.
             raise RunFaultError(
-                f'the guardian is gone ({error.strerror}), so the motion was given up') from None
+                f'the guardian is gone ({error.strerror}), so the motion was ended') from None
 
     def _read_output(self) -> None:
         assert self._process.stdout is not None

@@ -112,8 +112,8 @@ class LeaseRenewer:
             if now - self._requested > self._response_timeout:
                 raise RunFaultError(
                     'manual control was not renewed within '
-                    f'{self._response_timeout * 1e3:.0f} ms; the robot may have stopped '
-                    'meanwhile, so the motion was given up')
+                    f'{self._response_timeout * 1e3:.0f} ms: the robot may have stopped, so '
+                    'the motion was ended')
             return
         refusal, self._pending = self._pending.refusal, None
         if refusal is not None:
@@ -168,7 +168,7 @@ class RunTimeouts(Protocol):
 
     @property
     def pause_timeout(self) -> float:
-        """Return how long a drive may be paused before it is given up [s]."""
+        """Return how long a drive may be paused before it ends [s]."""
 
 
 class RunMonitor:
@@ -311,7 +311,7 @@ class RunMonitor:
         if self._held_since is not None and now - self._held_since > self._pause_timeout:
             raise PauseTimeoutError(
                 f'paused for {self._pause_timeout:g} s (parameter pause_timeout): the motion was '
-                'given up, and the robot released')
+                'ended, and the robot released')
         if now - self._graph_counted >= GRAPH_COUNT_PERIOD:
             self._graph_counted = now
             self._robot.check_subscribed()

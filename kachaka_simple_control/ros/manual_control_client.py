@@ -120,7 +120,7 @@ class ManualControlClient:
         if self._requested is None:
             return 'off'
         age = now - self._requested
-        return f'asked for {age:.0f} s ago' if age < self._timeout else 'off, for it timed out'
+        return f'requested {age:.0f} s ago' if age < self._timeout else 'off: it ran out'
 
     def release(self, timeout: float) -> bool:
         """Switch manual control off; return whether the robot responded in time."""

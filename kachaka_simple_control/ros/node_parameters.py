@@ -68,14 +68,14 @@ class NodeParameters:
     guardian: bool = _parameter(
         True, 'Have a second process stop the robot if this one is killed, frozen or crashes')
     odometry_timeout: float = _parameter(
-        1.0, 'How long odometry may be silent in a run before it is given up [s]; 0: no limit',
+        1.0, 'How long odometry may be silent before a drive ends [s]; 0: no limit',
         0.0, 60.0, 's')
     allow_other_publishers: bool = _parameter(
         False,
         'Drive even while another program sends velocities to the same robot; two instances of '
         'this program still exclude each other')
     pause_timeout: float = _parameter(
-        600.0, 'How long a run may be paused before it is given up [s]', 1.0, 86_400.0, 's')
+        600.0, 'How long a drive may be paused before it ends [s]', 1.0, 86_400.0, 's')
     speed_factor: float = _parameter(
         1.0, 'Speed relative to the plan, 1: as planned; can be changed while the robot drives',
         MIN_SPEED_FACTOR, 1.0, read_only=False)

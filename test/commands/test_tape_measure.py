@@ -188,7 +188,7 @@ def test_a_drive_that_was_spoilt_is_driven_again(run, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize('error', [
     RunFaultError('the guardian stopped the robot: the node sent no heartbeat'),
-    RunFaultError('another program sends velocities, so the motion was given up'),
+    RunFaultError('another program sends velocities, so the motion was ended'),
     MotionStoppedError('the movement was ended by ~/stop')], ids=str)
 def test_a_drive_that_a_fault_or_a_stop_ended_is_not_driven_again(run, monkeypatch, error):
     driven = []

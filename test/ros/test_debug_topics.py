@@ -125,7 +125,7 @@ def test_a_diagnosis_is_made_even_while_the_clock_of_ros_stands_still(listener, 
     assert values['other publishers'] == 'none'
     assert values['guardian'] == 'matched'
     assert values['odometry age'] == 'none received'
-    assert values['manual control'].startswith('asked for')
+    assert values['manual control'].startswith('requested')
     thread.join()
     assert wait_until(lambda: figures(seen[-1])['state'] == 'at rest')
     assert [move.count for move in listener.moves()] == [25]

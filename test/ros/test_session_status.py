@@ -33,7 +33,7 @@ pytestmark = pytest.mark.needs('rclpy')
 
 IN_ORDER = SessionStatus(
     subscriber_count=1, other_publishers=(), guardian='matched', odometry_age=0.02,
-    manual_control='asked for 3 s ago', speed='full speed', stopped_by=None)
+    manual_control='requested 3 s ago', speed='full speed', stopped_by=None)
 
 
 PLAN = plan(Motion('on', (Move(0.1, 0.0, 1.0), Move(0.0, 0.5, 1.0))), ABRUPT, 10.0)
