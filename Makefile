@@ -62,9 +62,8 @@ floor: setup  ## drive a square on one simulated floor: as it is, calibrated, in
 	rm -rf floor
 	PATH="$(abspath $(VENV))/bin:$$PATH" examples/floor.sh floor
 
-bench: setup .venv-plots/made  ## measure beside the lesson's loop: half an hour; QUICK=1: minutes
-	$(VENV)/bin/python -m benchmarks --draw-with .venv-plots/bin/python $(if $(QUICK),--quick) \
-	    $(if $(NO_BARS),--no-bars)
+bench: setup  ## measure beside the lesson's loop: half an hour; QUICK=1: minutes
+	$(VENV)/bin/python -m benchmarks $(if $(QUICK),--quick) $(if $(NO_BARS),--no-bars)
 
 stop-matrix: setup  ## let everything happen to a program that drives: an hour; QUICK=1: minutes
 	$(VENV)/bin/python -m benchmarks.stop_matrix $(if $(QUICK),--quick)
@@ -77,12 +76,6 @@ lossy-link: setup  ## stop and move over a bad link, as root: half an hour; QUIC
 
 mutants: setup  ## break the package on purpose, see that tests notice: 10 minutes; QUICK=1: pure ones, 2
 	$(VENV)/bin/python tools/mutants/run.py --jobs 2 $(if $(QUICK),--pure)
-
-# Drawing has an environment of its own: its numpy need not be the one that a sourced ROS wants.
-.venv-plots/made: requirements/benchmarks.txt
-	$(python) -m venv --clear .venv-plots
-	.venv-plots/bin/python -m pip install --quiet --require-hashes --requirement $<
-	touch $@
 
 colcon:  ## build, run and test the package as a ROS workspace does; 3 minutes
 	$(SET_UP) --for=colcon $(VENV)-colcon

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Measure, draw, print the tables, and compare with thresholds; ``make bench`` runs this."""
+"""Measure, print the tables, and compare with thresholds; ``make bench`` runs this."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ import argparse
 from collections.abc import Sequence
 import json
 from pathlib import Path
-import subprocess
 import sys
 import time
 from typing import Any
@@ -36,7 +35,6 @@ from ros_domain import isolate_ros
 #: The run that the documentation shows.
 REFERENCE = RESULTS / 'reference.json'
 PAGE = ROOT / 'docs' / 'benchmarks.md'
-IMAGES = ROOT / 'docs' / 'images'
 
 
 def measure(scale: Scale) -> dict[str, Any]:
@@ -63,12 +61,6 @@ def measure(scale: Scale) -> dict[str, Any]:
     return run
 
 
-def draw(file: Path, folder: Path, python: str) -> None:
-    """Draw the plots of a run in a folder, with a Python interpreter that has matplotlib."""
-    subprocess.run(
-        [python, '-m', 'benchmarks.plots', str(file), str(folder)], cwd=ROOT, check=True)
-
-
 def write_page(shown: list[Table], run: dict[str, Any]) -> None:
     """Write the tables of a run to the documentation page."""
     counts = ', '.join(f'{count} at {rate} Hz' for rate, count in run['moves'].items())
@@ -82,7 +74,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='benchmarks', description=__doc__)
     parser.add_argument('--quick', action='store_true', help='measure little; leaves docs alone')
     parser.add_argument('--no-bars', action='store_true', help='a missed threshold is no failure')
-    parser.add_argument('--draw-with', metavar='PYTHON', help='a Python that has matplotlib')
     parser.add_argument('--of', type=Path, metavar='FILE', help='show this run, measure nothing')
     options = parser.parse_args(arguments)
     if options.of:
@@ -92,8 +83,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         file = save(run, 'quick' if options.quick else 'full')
     shown = tables(run)
     print('\n'.join(table.text() for table in shown))
-    if options.draw_with:
-        draw(file, file.with_suffix('') if options.quick else IMAGES, options.draw_with)
     if not options.quick:
         write_page(shown, run)
         REFERENCE.write_bytes(file.read_bytes())

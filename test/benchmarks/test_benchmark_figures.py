@@ -13,11 +13,8 @@
 # limitations under the License.
 """The computations of the benchmarks: received messages, thresholds, page, comparison."""
 
-import importlib.util
 import json
 import math
-import subprocess
-import sys
 import time
 
 from benchmarks.compare import change, compare, differences, main
@@ -260,12 +257,3 @@ def test_the_floor_never_wakes_early():
         deadline = time.monotonic_ns() + 2_000_000
         sleep_until(deadline)
         assert time.monotonic_ns() >= deadline
-
-
-@pytest.mark.skipif(importlib.util.find_spec('matplotlib') is None, reason='needs matplotlib')
-def test_a_run_can_be_drawn(tmp_path):
-    tmp_path.joinpath('run.json').write_text(json.dumps(a_run()))
-    subprocess.run(
-        [sys.executable, '-m', 'benchmarks.plots', str(tmp_path / 'run.json'), str(tmp_path)],
-        cwd=ROOT, check=True)
-    assert len(list(tmp_path.glob('bench_*.png'))) == 6
