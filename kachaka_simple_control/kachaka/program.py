@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the commands for a Kachaka share: addresses, options of a simulated robot, exit codes."""
+"""Addresses, options of a simulated robot and exit codes for the commands of a Kachaka."""
 
 from __future__ import annotations
 

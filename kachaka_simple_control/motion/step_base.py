@@ -200,7 +200,7 @@ class Step(ABC):
         return self.describe()
 
     def block(self) -> tuple[int, tuple[Step, ...]] | None:
-        """Return how many times this step repeats other steps, and which; None if it does not."""
+        """Return the number of repetitions and the repeated steps; None if there are none."""
         return None
 
     def placed(self, pose: Pose, refuse: Refuse) -> tuple[list[PlacedStep], Pose]:
