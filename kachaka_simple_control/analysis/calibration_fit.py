@@ -11,13 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Compute the calibration of a robot from the odometry of a known motion.
-
-A calibration contains three things: the gains, which are true velocity divided by sent velocity;
-the veer, which is the unwanted turn for each metre driven; and the delay between a command and the
-movement.
-"""
+"""Compute the calibration of a robot from the odometry of a known motion."""
 
 from __future__ import annotations
 
@@ -66,13 +60,10 @@ class CalibrationFit:
     """
     A calibration that was computed from the odometry of a drive.
 
-    :param gains: the true velocity divided by the sent velocity, for each direction: forward,
-        backward, left, right
-    :param veer: the unwanted turn for each metre forwards [rad/m], positive to the left
-    :param position_noise: the standard deviation of odometry's position along one axis while the
-        robot stands still [m]
-    :param heading_noise: the standard deviation of odometry's heading while the robot stands still
-        [rad]
+    :param gains: for each direction: forward, backward, left, right
+    :param veer: [rad/m], positive to the left
+    :param position_noise: the standard deviation of odometry's position along one axis at rest [m]
+    :param heading_noise: the standard deviation of odometry's heading at rest [rad]
     """
 
     gains: dict[str, Estimate]
@@ -83,12 +74,10 @@ class CalibrationFit:
 
     def calibration(self, date: str, floor: str) -> Calibration:
         """
-        Return the fitted values, rounded, as a calibration that can be stored.
+        Return the fitted values, rounded; a negative delay, from noise, becomes 0.
 
-        A negative delay, which noise can cause, is replaced by 0.
-
-        :param date: the date of the measurement, as text
-        :param floor: a description of the floor on which the robot drove, as text
+        :param date: of the measurement, as text
+        :param floor: on which the robot drove, as text
         """
         gains = {f'{name}_gain': round(gain.value, 5) for name, gain in self.gains.items()}
         return Calibration(
@@ -111,12 +100,7 @@ class Rest(NamedTuple):
 
 
 class _Drive(NamedTuple):
-    """
-    The gain, the veer and the delay in one step of a motion, computed from odometry.
-
-    The direction is forward, backward, left or right.  The veer is the unwanted turn for each
-    metre [rad/m]; it is None for a turn in place.
-    """
+    """The gain, the veer [rad/m] (None for a turn in place) and the delay in one step."""
 
     direction: str
     gain: Estimate
@@ -128,16 +112,9 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
     """
     Compute a calibration from the log of a robot that drove the motion ``calibration``.
 
-    In this motion, the robot stands still before and after each movement.
+    A displacement is measured between the mean poses of the rests before and after a movement.
+    The delay is the dead time plus the time constants of the filter.
 
-    The displacement in odometry is measured between two mean poses: one from the standstill before
-    the movement, and one from the standstill after it.
-
-    For a robot that waits for a dead time and then responds like a low-pass filter, the delay is
-    the dead time plus the time constants of the filter.
-
-    :returns: the gains, the veer and the delay with their standard errors, and the noise of
-        odometry; the veer is the unwanted turn for each metre
     :raises CalibrationError: if the drive was not completed at the planned speed, or a result is
         out of range or too uncertain
     """
@@ -185,8 +162,7 @@ def find_rest(odometry: Sequence[OdometryReceived], step: StepLog) -> Rest:
     """
     Return the mean pose and the noise of odometry in the last second of a rest.
 
-    :raises CalibrationError: if there are too few odometry samples in this second, or the robot
-        did not stand still
+    :raises CalibrationError: if there are too few samples, or the robot did not stand still
     """
     end = step.began + step.planned.duration
     poses = [sample.pose for sample in odometry if end - REST <= sample.time <= end]
@@ -215,9 +191,7 @@ def _drive(
         odometry: Sequence[OdometryReceived], sent: DeadReckoning, step: StepLog, before: Rest,
         after: Rest, end: float) -> _Drive:
     """
-    Compute the gain, the veer and the delay of one moving step from odometry.
-
-    A rest, a step in which the robot stands still, comes before and after the moving step.
+    Compute the gain, the veer and the delay of a moving step between two rests.
 
     :raises CalibrationError: if the gain is out of range
     """
@@ -252,11 +226,10 @@ class _StepExtent(NamedTuple):
     """
     The displacement of one moving step, as requested and as reported by odometry.
 
-    It is a distance [m] if the step is straight, or an angle [rad] if the step is a turn in place.
-    It is positive in the requested direction: in a step backwards, 1 m backwards is +1 m.
+    It is a distance [m], or an angle [rad] for a turn in place, positive in the requested
+    direction.
 
-    :param veer: the unwanted turn in odometry for each metre forwards [rad/m]; None if the step is
-        a turn in place
+    :param veer: in odometry [rad/m]; None for a turn in place
     """
 
     direction: str
@@ -326,10 +299,9 @@ def _gain(direction: str, gains: Sequence[Estimate]) -> Estimate:
 
 def _mean(estimates: Sequence[Estimate]) -> Estimate:
     """
-    Return the mean of several estimates, with the standard error of the mean.
+    Return the mean of several estimates, with its standard error.
 
-    The standard error is computed in two ways: from the standard errors of the estimates, and from
-    the differences between their values.  The larger result is used.
+    That is the larger one of two: from the errors of the estimates, and from their differences.
     """
     count = len(estimates)
     value = fmean([estimate.value for estimate in estimates])

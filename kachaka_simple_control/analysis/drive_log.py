@@ -11,13 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-The log of a drive: its plans, the sent velocities and the received odometry.
-
-Clock time is the time on the steady clock.  Plan time is the progress of a motion in seconds of
-its plan.  For example, the plan time in the middle of a plan of 10 s is 5 s, even if the robot has
-reached this point late because of a pause.
-"""
+"""The log of a drive: its plans, the sent velocities and the received odometry."""
 
 from __future__ import annotations
 
@@ -49,15 +43,13 @@ ROUNDING = 1e-6
 
 class PlanTimeline:
     """
-    Converts between clock time and plan time, based on the sent messages of a motion.
+    Converts between the steady clock and plan time, from the sent messages of a motion.
 
-    Clock time is the time on the steady clock.  Plan time is the progress of the motion in seconds
-    of its plan.  During a pause, plan time keeps its value.  If this value is converted to clock
-    time, the result is the start of the pause.  Times between two messages are interpolated.
+    The plan time of a pause is converted to the start of the pause.  Times between two messages
+    are interpolated.
 
-    :param began: the time t = 0 of the motion [s on the steady clock]
-    :param messages: the velocity messages of the motion, in order; the last one is the zero
-        velocity that ended the motion
+    :param began: the time t = 0 of the motion [s]
+    :param messages: of the motion, in order; the last one is the zero velocity that ended it
     """
 
     def __init__(self, began: float, messages: Sequence[VelocitySent]) -> None:
@@ -83,10 +75,9 @@ class PlanTimeline:
     @property
     def reached(self) -> float:
         """
-        Return the progress of the motion in seconds of its plan; 0 if no message was sent.
+        Return the plan time that was reached; 0 if no message was sent.
 
-        If the motion was paused or slowed down, the error of the result is at most one period of
-        the messages.
+        After a pause or at a lower speed, the error is at most one period of the messages.
         """
         if not self._messages:
             return 0.0
@@ -98,22 +89,14 @@ class PlanTimeline:
         return self._message_plan_time(last)
 
     def first(self, plan_time: float) -> int:
-        """
-        Return the index of the first velocity message at or after a given progress.
-
-        :returns: the index; if there is no such message, the number of messages
-        """
+        """Return the index of the first message from a plan time on; their number without one."""
         if self.is_delayed:
             return bisect_left(self._plan_times, plan_time - ROUNDING)
         return bisect_left(
             self._messages, self._began + plan_time - ROUNDING, key=attrgetter('time'))
 
     def time(self, plan_time: float) -> float:
-        """
-        Return the time at which the motion first reaches a given progress.
-
-        :returns: the time [s on the steady clock]; extrapolated if the last message is earlier
-        """
+        """Return when a plan time is first reached [s]; extrapolated after the last message."""
         if not self.is_delayed:
             return self._began + plan_time
         return _interpolated(self._plan_times, self._times, plan_time, self.first(plan_time))
@@ -145,10 +128,8 @@ class StepLog:
     """
     A started step of a motion, and the velocity messages that were sent in it.
 
-    :param began: the time at which the motion reached the start of the step [s on the steady
-        clock]
-    :param sent: the messages sent in the step, and the first message after them, which ends the
-        step
+    :param began: when the motion reached the start of the step [s]
+    :param sent: the messages in the step, and the first one after them, which ends the step
     :param is_complete: whether the step was driven to its end
     """
 
@@ -169,11 +150,7 @@ class StepLog:
 
     @property
     def driven_duration(self) -> float:
-        """
-        Return the time from the start to the end of the step [s], including pauses.
-
-        Without sent messages, return 0.
-        """
+        """Return the time from start to end of the step [s], with pauses; 0 without messages."""
         return self.sent[-1].time - self.began if self.sent else 0.0
 
 
@@ -182,10 +159,9 @@ class MotionLog:
     """
     The log of one motion: its definition, its sent velocity messages, and how it ended.
 
-    :param sent: all messages since the motion was planned, in order: the zero velocities before
-        the motion, the velocities of the motion, and the zero velocities of the stop
-    :param began: the time t = 0 of the motion [s on the steady clock]; nan before the start
-    :param ended: the end time [s on the steady clock]; None before the end
+    :param sent: all messages since the motion was planned, with the zeros before and after it
+    :param began: the time t = 0 of the motion [s]; nan before the start
+    :param ended: [s]; None before the end
     :param reason: the reason for an early end; None if the motion was driven to its end
     :param is_fault: whether a fault, and not a request to stop, caused the early end
     """
@@ -223,21 +199,12 @@ class MotionLog:
 
     @property
     def timeline(self) -> PlanTimeline:
-        """
-        Return an object that converts between clock time and plan time.
-
-        Plan time is the progress of the motion in seconds of its plan.
-        """
+        """Return an object that converts between the steady clock and plan time."""
         return PlanTimeline(self.began, self.own_messages)
 
     @property
     def own_messages(self) -> Sequence[VelocitySent]:
-        """
-        Return the velocity messages of the motion, in order; empty if none was sent.
-
-        The zero velocities before the motion are left out.  The last message is the zero velocity
-        that ended the motion, if it was sent.
-        """
+        """Return the velocity messages of the motion itself, with the zero that ended it."""
         if self._own is None:
             return ()
         first, last = self._own
@@ -270,17 +237,14 @@ class MotionLog:
 @dataclass
 class DriveLog:
     """
-    The log of a drive.  It is filled from events, such as a sent velocity or an odometry sample.
+    The log of a drive, filled from events.
 
-    :param session_started: the first event of the program; None if it was not received yet
+    :param session_started: None if it was not received yet
     :param motions: the logs of all planned motions, in order
-    :param odometry: all received odometry samples, in order
-    :param speed_changes: the changes of the speed factor, in order.  The speed factor is the speed
-        relative to the plan; before the first change it is 1
-    :param session_ended: the last event of the program; None if it was not received yet, or if
-        the program was killed
-    :param other_messages: the velocity messages sent before the first motion was planned, and
-        those of motions without a plan
+    :param odometry: all received samples, in order
+    :param speed_changes: of the speed factor, in order; before the first it is 1
+    :param session_ended: None if it was not received yet, or if the program was killed
+    :param other_messages: those before the first motion, and of motions without a plan
     """
 
     session_started: SessionStarted | None = None

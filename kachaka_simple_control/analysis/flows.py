@@ -44,10 +44,9 @@ def is_in_flow(step: PlannedStep) -> bool:
 
 def repetition_key(step: PlannedStep) -> Hashable:
     """
-    Return a key that is equal for those repetitions of a step that are driven in the same way.
+    Return a key that is equal for repetitions of a step that are driven in the same way.
 
-    In a flow, which the robot drives without a stop, a repetition can differ from another one,
-    because it has other neighbours.
+    In a flow they may differ, because they have other neighbours.
     """
     if not is_in_flow(step):
         return step.path

@@ -37,11 +37,7 @@ class Quantiles:
 
 
 def quantiles(values: Sequence[float]) -> Quantiles | None:
-    """
-    Return the median, the 99th percentile and the largest value; None without values.
-
-    :param values: the numbers, in any order
-    """
+    """Return the median, the 99th percentile and the largest value; None without values."""
     if not values:
         return None
     ordered = sorted(values)
@@ -50,9 +46,8 @@ def quantiles(values: Sequence[float]) -> Quantiles | None:
 
 def quantile(values: Sequence[float], part: float) -> float:
     """
-    Return a quantile of numbers: the value below which a given fraction of the numbers lies.
+    Return the value below which a given fraction of at least one number lies.
 
-    :param values: at least one number, in any order; may contain infinity
     :param part: the fraction, from 0 to 1; 0 gives the smallest number, and 1 the largest
     """
     ordered = sorted(values)
@@ -79,21 +74,16 @@ class Timing:
     """
     The timing accuracy of the velocity messages of a drive.
 
-    The period is the time between two messages.
-
-    :param late: the number of ticks whose message was sent too early or too late, by at least 1/4
-        and at most 1/2 of the period
+    :param late: the number of ticks whose message was off by 1/4 to 1/2 of the period
     :param lost: the number of ticks without a message up to 1/2 of the period before or after
-    :param interval_errors: for each pair of consecutive messages, the time between them minus the
-        planned time from the tick of the first message to the next tick [s].  If one message is
-        missing between the two, the value is about one period
-    :param lateness: median, 99th percentile and maximum of the absolute time differences between
-        messages and their ticks [s]; None without messages
-    :param jitter: median, 99th percentile and maximum of the absolute ``interval_errors`` [s];
-        None if there are no such values
-    :param periods: the periods of the plans, without duplicates [s]
-    :param unjudged: the number of messages that are not compared with the plan: in each motion,
-        the first message that a pause or a reduced speed delayed, and all later messages
+    :param interval_errors: between consecutive messages: the real interval minus the planned one
+        [s]; about one period if a message is missing
+    :param lateness: quantiles of the absolute differences between messages and ticks [s]; None
+        without messages
+    :param jitter: quantiles of the absolute ``interval_errors`` [s]; None if there are none
+    :param periods: of the plans, without duplicates [s]
+    :param unjudged: the number of messages that a pause or a lower speed keeps from being
+        compared: in each motion, from the first delayed one on
     """
 
     due: int
@@ -108,11 +98,9 @@ class Timing:
 
 def timing(motions: Sequence[MotionLog]) -> Timing:
     """
-    Compute the timing accuracy of the velocity messages of one or more motions.
+    Compare the messages of motions with their plans, up to the first one that was delayed.
 
-    The sent times are compared with the times that the plans require.  For each motion, the
-    comparison ends before the first message that a pause or a reduced speed delayed.  Motions that
-    never started do not count.
+    Motions that never started do not count.
     """
     late = lost = due = unjudged = 0
     interval_errors: list[float] = []
@@ -144,13 +132,9 @@ def timing(motions: Sequence[MotionLog]) -> Timing:
 
 def due_times(plan: Plan, until: float) -> list[float]:
     """
-    Return the times at which a plan requires messages.
-
-    The plan requires a message at the start of each segment, and then after each period until the
-    end of the segment.  The zero velocity at the end of the plan is not included.
+    Return when a plan requires messages [s after t = 0], without the zero at its end.
 
     :param until: leave out times at or after this one [s after t = 0]
-    :returns: the times [s after t = 0], in order
     """
     times = [segment.start + number * plan.period for segment in plan.segments
              for number in range(ticks(segment, plan.period))]
@@ -167,12 +151,7 @@ def _timed_until(motion: MotionLog) -> float:
 
 def _sent_at(due: Sequence[float], messages: Sequence[VelocitySent],
              began: float) -> list[float | None]:
-    """
-    Return, for each tick, when its message was sent.
-
-    :returns: the time at which the message of each tick was sent [s after t = 0], in the order of
-        the ticks; None for a tick without a message
-    """
+    """Return when the message of each tick was sent [s after t = 0]; None without one."""
     found: list[float | None] = [None] * len(due)
     for message in messages:
         tick = bisect_left(due, (message.due or 0.0) - ROUNDING)

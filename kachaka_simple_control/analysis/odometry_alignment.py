@@ -39,10 +39,7 @@ class DeadReckoning:
     """
     The path of a robot that starts at the origin and follows the sent velocities exactly.
 
-    The robot keeps each velocity until the next message, but not longer than the command timeout.
-
-    :param messages: the sent messages, in order
-    :param command_timeout: the time after which the robot stops if no new message arrives [s]
+    It keeps each velocity until the next message, but not longer than the command timeout.
     """
 
     def __init__(self, messages: Sequence[VelocitySent], command_timeout: float) -> None:
@@ -60,11 +57,7 @@ class DeadReckoning:
             self._velocities.append(message.velocity)
 
     def at(self, time: float) -> Pose:
-        """
-        Return the pose on the path at a time [s]; before the first message, return the origin.
-
-        The path is that of a robot that follows the sent velocities exactly.
-        """
+        """Return the pose at a time [s]; before the first message, the origin."""
         index = bisect_right(self.times, time) - 1
         if index < 0:
             return ORIGIN
@@ -76,12 +69,7 @@ class DeadReckoning:
 
     @property
     def end(self) -> Pose:
-        """
-        Return the last pose on the path of a robot that follows the sent velocities exactly.
-
-        The robot keeps the last velocity until the command timeout, and then stops.  If the
-        command timeout is infinite, return the pose at the time of the last message.
-        """
+        """Return the pose at the command timeout, or at the last message if that is infinite."""
         if not self.times:
             return ORIGIN
         timeout = self._command_timeout
@@ -99,12 +87,9 @@ class MotionStart:
     """
     The start pose and the start time of a motion.
 
-    The time t = 0 of a drive is the start of its first motion.
-
-    :param pose: the start pose, relative to the robot's pose at t = 0 of the drive.  It is equal
-        to the planned end pose of the previous motion.  If the previous motion ended early, the
-        start pose is computed from the sent velocities instead
-    :param time: the start time [s after t = 0 of the drive]; None if the motion never started
+    :param pose: relative to that at t = 0 of the drive: the planned end pose of the motion before,
+        or where the sent velocities lead if that one ended early
+    :param time: [s after t = 0 of the drive]; None if the motion never started
     """
 
     motion: MotionLog
@@ -114,15 +99,12 @@ class MotionStart:
 
 class OdometrySample(NamedTuple):
     """
-    An odometry sample whose pose is relative to the robot's pose at t = 0 of the drive.
+    An odometry sample whose pose is relative to that at t = 0 of the drive.
 
-    The time t = 0 is the start of the first motion.  The expected pose is that of a robot that has
-    followed the sent velocities exactly.
-
-    :param time: the time of the sample [s after t = 0 of the drive]
-    :param received: the sample as it was received, with the pose in the frame of odometry
-    :param distance: the distance between the pose and the expected pose [m]
-    :param angle: the heading minus the expected heading [rad], positive to the left
+    :param time: [s after t = 0 of the drive]
+    :param received: the sample as it was received, in the frame of odometry
+    :param distance: the distance from where the sent velocities lead [m]
+    :param angle: the heading minus that to which they lead [rad], positive to the left
     """
 
     time: float
@@ -136,10 +118,8 @@ class AlignedDrive:
     """
     The plans, messages and odometry of a drive, all relative to the robot's pose at t = 0.
 
-    The time t = 0 is the start of the first motion.  The poses from odometry are transformed from
-    the odometry frame.  At one sample, the transformed pose is set equal to the pose that is
-    computed from the sent velocities.  This is the last sample before t = 0.  If there is none, it
-    is the first sample after t = 0.
+    t = 0 is the start of the first motion.  The poses from odometry are transformed so that the
+    last sample before it, or else the first one after it, is where the sent velocities lead.
     """
 
     def __init__(self, log: DriveLog) -> None:
@@ -165,12 +145,7 @@ class AlignedDrive:
 
     @property
     def time_span(self) -> float:
-        """
-        Return the length of a time axis that shows the whole drive [s], above 0.
-
-        The axis starts at t = 0, the start of the first motion.  It ends at the last message, at
-        the last odometry sample or at the latest planned end of a motion, whichever is latest.
-        """
+        """Return the length of a time axis that shows the whole drive [s], above 0."""
         planned = [
             time for start in self.motion_starts if start.time is not None or not self.sent
             for time in self.planned_times(start, [start.motion.plan.duration])]
@@ -179,14 +154,7 @@ class AlignedDrive:
         return max([last, seen, *planned]) or 1.0
 
     def planned_times(self, start: MotionStart, plan_times: Iterable[float]) -> list[float]:
-        """
-        Return the times at which a motion reaches given points of its plan.
-
-        The time t = 0 of the drive is the start of its first motion.
-
-        :param plan_times: the points, each as the progress in seconds of the plan
-        :returns: the times [s after t = 0 of the drive]
-        """
+        """Return when a motion reaches plan times [s after t = 0 of the drive]."""
         timeline = start.motion.timeline
         if start.time is None or not timeline.is_delayed:
             return [(start.time or 0.0) + time for time in plan_times]
@@ -231,12 +199,7 @@ def _end_of(starts: Sequence[MotionStart]) -> Pose:
 
 
 def is_plausible(sample: OdometryReceived) -> bool:
-    """
-    Return whether the values of an odometry sample are plausible.
-
-    The time must be finite.  The absolute values of the pose [m, rad] and of the velocity [m/s,
-    rad/s] must be below 1e6.
-    """
+    """Return whether a sample has a finite time, and a pose and velocity below 1e6 (SI units)."""
     pose, velocity = sample.pose, sample.velocity
     return math.isfinite(sample.time) and all(abs(value) < MAX_VALUE for value in (
         pose.x, pose.y, pose.theta, velocity.linear_x, velocity.angular_z))

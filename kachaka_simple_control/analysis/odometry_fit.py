@@ -14,9 +14,8 @@
 """
 Calibrate odometry with measurements of the robot's movement on the floor.
 
-There are two methods.  In the first method, the robot drives a straight line of 1 m, and turns in
-place by 360 degrees.  In the second method, it drives squares with left turns, and squares with
-right turns.  The second method is UMBmark by Borenstein and Feng.
+Either from a straight line of 1 m and a turn of 360 degrees, or from squares driven both ways
+round: UMBmark by Borenstein and Feng.
 """
 
 from __future__ import annotations
@@ -89,12 +88,9 @@ def reported_path(log: DriveLog) -> list[Pose]:
 
 def reported_displacement(path: Sequence[Pose]) -> tuple[float, float]:
     """
-    Return the distance from the first to the last pose [m] and the total heading change [rad].
+    Return the straight distance of first and last pose [m], and the total heading change [rad].
 
-    The distance is that of a straight line.
-
-    :param path: the odometry poses of a drive; between two consecutive poses, the heading must
-        change by less than half a turn
+    :param path: the heading must change by less than half a turn between consecutive poses
     """
     start, end = path[0], path[-1]
     return math.hypot(end.x - start.x, end.y - start.y), math.fsum(
@@ -106,16 +102,10 @@ def fit_floor(reported_distance: float, measured_distance: float, reported_angle
     """
     Compute the scale and the track ratio of odometry from a straight line and a turn in place.
 
-    The scale is the true distance divided by the distance in odometry.  The track ratio is
-    computed as ``scale * reported_angle / measured_angle``.
+    The track ratio is ``scale * reported_angle / measured_angle``.
 
-    :param reported_distance: the distance in odometry [m]
-    :param measured_distance: the distance measured with the tape [m]
-    :param reported_angle: the angle in odometry [rad]
-    :param measured_angle: the total angle measured on the floor [rad]; it has the same sign as the
-        angle in odometry
-    :raises CalibrationError: if a value is not finite, or the measured and the reported values
-        differ too much
+    :param measured_angle: the total angle [rad], with the sign of that in odometry
+    :raises CalibrationError: if a value is not finite, or measured and reported differ too much
     """
     scale = _ratio('distance', reported_distance, measured_distance, 'm')
     turn = _ratio('angle', reported_angle, measured_angle, 'rad')
@@ -173,14 +163,12 @@ class Square(NamedTuple):
 @dataclass(frozen=True)
 class UmbmarkFit:
     """
-    The calibration of odometry from squares with left turns and squares with right turns.
+    The calibration of odometry from squares driven both ways round.
 
-    :param wheel_ratio: the true diameter of the right wheel divided by that of the left wheel
     :param before: the largest systematic position error without a correction by the two ratios
         [m]; UMBmark calls it E_max,syst
     :param after: the same error with the correction [m]
-    :param closed_form: the wheel ratio and the track ratio from the formulas of Borenstein and
-        Feng, for comparison with the fit
+    :param closed_form: both ratios by the formulas of Borenstein and Feng, for comparison
     """
 
     wheel_ratio: Estimate
@@ -195,11 +183,10 @@ def closed_form(
     """
     Compute the wheel ratio and the track ratio with the formulas of Borenstein and Feng (1996).
 
-    The wheel ratio is the true diameter of the right wheel divided by that of the left wheel.  The
-    formulas are approximate.  They give two values of each ratio: one from the errors of the end
-    positions along x, and one from the errors along y.  The mean of the two values is returned.
+    They are approximate, and give two values of each, from the errors along x and y: the mean
+    counts.
 
-    :param squares: the squares, at least one with left turns and one with right turns
+    :param squares: at least one with left turns and one with right turns
     :param track: the wheel separation that odometry uses [m]
     """
     side = scale * math.fsum(_length(square.path) for square in squares) / (4.0 * len(squares))
@@ -221,14 +208,10 @@ def fit_umbmark(squares: Sequence[Square], track: float, scale: float = 1.0) -> 
     """
     Fit the wheel ratio and the track ratio to the measured end poses of driven squares.
 
-    The wheel ratio is the true diameter of the right wheel divided by that of the left wheel.
+    Least squares of the end poses from odometry, corrected exactly, movement by movement.  The
+    scale does not change the end pose of an ideal square, so it is not fitted.
 
-    This is a least-squares fit.  The residuals are the differences between the measured end poses
-    and the end poses from corrected odometry.  The correction is exact, because it is applied to
-    each movement between two odometry poses.  The scale is not fitted, because it does not change
-    the end pose of an ideal square.
-
-    :param squares: the squares, at least one with left turns and one with right turns
+    :param squares: at least one with left turns and one with right turns
     :param track: the wheel separation that odometry uses [m]
     :raises CalibrationError: if the squares give no valid calibration
     """
@@ -272,11 +255,9 @@ def worst_systematic_error(squares: Sequence[Square], calibration: OdometryCalib
     """
     Return the largest systematic position error [m], which UMBmark calls E_max,syst.
 
-    The position errors at the ends of the squares are averaged as vectors, once for the squares
-    with left turns and once for those with right turns.  The length of the longer mean vector is
-    returned.
+    It is the longer one of the mean error vectors, of left turns and of right turns.
 
-    :param squares: the squares, at least one with left turns and one with right turns
+    :param squares: at least one with left turns and one with right turns
     """
     means = [_mean_error(calibration, group) for group in _by_direction(squares)]
     return max(math.hypot(mean.x, mean.y) for mean in means)
@@ -305,12 +286,7 @@ def _by_direction(squares: Sequence[Square]) -> tuple[list[Square], list[Square]
 
 
 def _length(path: Sequence[Pose]) -> float:
-    """
-    Return the length of a path of odometry poses [m].
-
-    Only movement forwards and backwards counts.  Sideways movement is noise, because the robot
-    cannot move sideways.
-    """
+    """Return the length of a path of odometry poses [m]; what is sideways is noise."""
     return math.fsum(abs(relative_to(before, after).x) for before, after in pairwise(path))
 
 
@@ -337,11 +313,9 @@ def _least_squares(residuals: Residuals, start: Pair) -> tuple[Pair, Pair]:
     """
     Find the two parameters with the least sum of squared residuals, and their standard errors.
 
-    The Gauss-Newton method changes both parameters in each iteration.  A change that does not
-    reduce the sum is halved.
+    Gauss-Newton; a change that does not reduce the sum is halved.
 
-    :raises CalibrationError: if the data do not determine the parameters, or the method does not
-        converge
+    :raises CalibrationError: if the data do not determine the parameters, or it does not converge
     """
     found, step = start, 1e-6
     left = residuals(*found)
@@ -367,13 +341,7 @@ def _least_squares(residuals: Residuals, start: Pair) -> tuple[Pair, Pair]:
 
 def _descend(residuals: Residuals, found: Pair, change: Pair,
              least: float) -> tuple[Pair, Sequence[float]] | None:
-    """
-    Change two parameters so that the sum of squared residuals becomes smaller.
-
-    If the change does not reduce the sum, half of the change is tried, and so on.
-
-    :returns: the new parameters and their residuals; None if no change reduces the sum
-    """
+    """Return parameters with a smaller sum of squares, and the residuals; or None."""
     factor = 1.0
     while factor * max(map(abs, change)) > 1e-9:
         tried = found[0] + factor * change[0], found[1] + factor * change[1]

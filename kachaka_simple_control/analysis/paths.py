@@ -73,22 +73,15 @@ class ArcSegment:
 
     @property
     def middle(self) -> Pose:
-        """
-        Return the pose in the middle of the path segment, for an arrow in a plot.
-
-        The heading is the direction of travel.  If the robot drives backwards, this direction is
-        opposite to the heading of the robot.
-        """
+        """Return the pose in the middle, for an arrow: its heading is the direction of travel."""
         pose = advance(self.start, self.distance / 2.0, self.angle / 2.0)
         return pose if self.distance >= 0.0 else Pose(pose.x, pose.y, pose.theta + math.pi)
 
     def sweep(self, radius: float) -> list[Point]:
         """
-        Return points on an arc around the robot [m]; in a plot, the arc shows a turn in place.
+        Return points on an arc around the robot [m], which shows a turn in place in a plot.
 
-        The arc shows at most the last 330 degrees of the turn, so that its ends do not touch.
-
-        :param radius: the radius of the arc [m]
+        It has at most the last 330 degrees of the turn, so that its ends do not touch.
         """
         angle = math.copysign(min(abs(self.angle), SWEEP), self.angle)
         first = self.start.theta + self.angle - angle
@@ -98,33 +91,24 @@ class ArcSegment:
                  self.start.y + radius * math.sin(heading)) for heading in headings]
 
     def points(self) -> list[Point]:
-        """
-        Return points along the path segment, close enough to draw it as a curve [m].
-
-        The start point is left out.  For a turn in place, the list is empty.
-        """
+        """Return points along the segment to draw it as a curve [m], without the start point."""
         if self.distance == 0.0:
             return []
         return [(pose.x, pose.y) for pose in self.poses(self.count)]
 
     @property
     def count(self) -> int:
-        """
-        Return the number of straight lines that are needed to draw the path segment as a curve.
-
-        Without movement, the number is 0.
-        """
+        """Return the number of lines that draw the segment as a curve; 0 without movement."""
         if self.distance == self.angle == 0.0:
             return 0
         return max(1, math.ceil(abs(self._visible_angle) / BEND))
 
     def poses(self, count: int) -> list[Pose]:
         """
-        Return poses at equal distances along the path segment, without the start pose.
+        Return poses at equal distances along the segment, without the start pose.
 
-        If the heading changes by more than two turns, the segment is shortened to between one and
-        two turns.  For example, 5.25 turns are shortened to 1.25 turns, because in a plot the
-        other 4 turns would cover the first one.
+        Of more than two turns, one to two are left (1.25 of 5.25): others would cover them in a
+        plot.
         """
         angle = self._visible_angle
         distance = self.distance * (angle / self.angle if self.angle else 1.0)
@@ -163,21 +147,12 @@ class ChainSegment:
 
     @property
     def middle(self) -> Pose:
-        """
-        Return the pose in the middle of the path segment, for an arrow in a plot.
-
-        The heading is the direction of travel.  If the robot drives backwards, this direction is
-        opposite to the heading of the robot.
-        """
+        """Return the pose in the middle, for an arrow: its heading is the direction of travel."""
         pose = self.poses(2)[0]
         return pose if self.distance >= 0.0 else Pose(pose.x, pose.y, pose.theta + math.pi)
 
     def points(self) -> list[Point]:
-        """
-        Return points along the path segment, close enough to draw it as a curve [m].
-
-        The start point is left out.
-        """
+        """Return points along the segment to draw it as a curve [m], without the start point."""
         return [(pose.x, pose.y) for pose in self.poses(self.count)]
 
     @property
@@ -187,11 +162,7 @@ class ChainSegment:
         return max(1, math.ceil(2.0 * abs(self.angle) / BEND))
 
     def poses(self, count: int) -> list[Pose]:
-        """
-        Return poses along the path segment at equal intervals of planned time.
-
-        The start pose is left out.
-        """
+        """Return poses at equal intervals of planned time, without the start pose."""
         arcs, tick = len(self.chain.sent), self.chain.tick
         poses = []
         for number in range(1, count + 1):
@@ -215,12 +186,7 @@ PathPart: TypeAlias = ArcSegment | ChainSegment
 
 
 def step_segments(plan: Plan, start: Pose = ORIGIN) -> list[list[PathPart]]:
-    """
-    Return the planned path of each step of a plan.
-
-    A step of a flow, which is a run of steps without a stop, has the path that is planned for it,
-    with cut corners.
-    """
+    """Return the planned path of each step of a plan; in a flow, with cut corners."""
     steps = []
     pose = start
     for planned in plan.steps:
@@ -251,14 +217,12 @@ def uncut_path(plan: Plan) -> list[ArcSegment]:
 
 def polyline(segments: Iterable[PathPart], grain: float) -> list[Point]:
     """
-    Return the points of a polyline that shows consecutive path segments in a plot.
+    Return the points of a polyline that shows consecutive path segments in a plot [m].
 
-    If there are more than 500 points, a line that would be drawn over an earlier line is left out,
-    which causes a gap.  The last line of the path is always kept.
+    Of more than 500 points, a line that would cover an earlier one is left out, but for the last.
 
-    :param segments: the segments, in order; each starts at the end of the previous one
     :param grain: the smallest distance that is visible in the plot [m]
-    :returns: the points [m], in order; a point of NaN values marks each gap in the polyline
+    :returns: a point of NaN values marks each gap
     """
     points: list[Point] = []
     for segment in segments:
@@ -275,13 +239,12 @@ def polyline(segments: Iterable[PathPart], grain: float) -> list[Point]:
 
 def _unique_lines(points: Sequence[Point], grain: float) -> list[Point]:
     """
-    Leave out the lines of a path that cover an earlier line, but always keep the last line.
+    Leave out the lines of a path that cover an earlier line, but keep the last one.
 
-    A line connects two consecutive points.  Two lines cover each other if their end points are
-    equal after rounding to ``grain``.  For example, if a robot drives the same square ten times,
-    one square is left.
+    Lines cover each other if their end points are equal after rounding to ``grain``: of the same
+    square driven ten times, one is left.
 
-    :returns: the points [m]; a point of NaN values marks each gap in the path
+    :returns: the points [m]; a point of NaN values marks each gap
     """
     cells = [(round(x / grain), round(y / grain)) for x, y in points]
     seen: set[tuple[Cell, Cell]] = set()
@@ -300,15 +263,11 @@ def _unique_lines(points: Sequence[Point], grain: float) -> list[Point]:
 
 def distinct(poses: Iterable[Pose], grain: float, most: int) -> list[Pose]:
     """
-    Return a list of poses without those that look the same as an earlier pose in a plot.
+    Return poses without those that look the same as an earlier one in a plot.
 
-    Poses look the same if their positions are equal after rounding to ``grain``, and their
-    headings are equal after rounding to a degree.
+    Their positions are equal after rounding to ``grain`` [m], their headings to a degree.
 
-    :param poses: the poses, in order
-    :param grain: the smallest distance that is visible in the plot [m]
-    :param most: the largest number of poses to return; if more poses are left, this number of them
-        is selected evenly
+    :param most: if more are left, so many are selected evenly
     """
     kinds: dict[tuple[int, int, int], Pose] = {}
     for pose in poses:
@@ -324,15 +283,13 @@ TURN = math.radians(4.0)
 
 class PoseHistory:
     """
-    A list of past poses of a robot.  It has a maximum length, and is thinned out when it is full.
+    Past poses of a robot, thinned out when there are too many.
 
-    A new pose is stored if its distance or its heading change from the last stored pose is large
-    enough.  When the list is full, every second pose is removed, and the required distance and
-    heading change are doubled.
+    A pose is stored if it is far enough from the last one.  At ``most`` poses every second one
+    goes, and the required distance and heading change are doubled.
 
     :param most: the largest number of stored poses, at least two
-    :param convert: a function that converts a pose to the object to store; it is called once for
-        each stored pose
+    :param convert: converts a pose to the object to store, once
     """
 
     def __init__(self, most: int, convert: Callable[[Pose], Any]) -> None:
@@ -344,13 +301,7 @@ class PoseHistory:
         self.kept: list[Any] = []
 
     def add(self, pose: Pose) -> bool:
-        """
-        Store a pose if it is far enough from the last stored pose.
-
-        A pose with an infinite or NaN value is not stored.
-
-        :returns: whether the pose was stored
-        """
+        """Store a finite pose that is far enough from the last one; return whether it was."""
         if not math.isfinite(pose.x + pose.y + pose.theta) or (
                 self._last is not None and not self._is_apart(self._last, pose)):
             return False
@@ -374,9 +325,7 @@ def sample_path(plan: Plan, start: Pose = ORIGIN, most: int = MAX_POSES) -> list
     """
     Return poses along a plan, from the start to the end, close enough to draw curves.
 
-    If this needs more than ``most`` poses, the poses are farther apart.
-
-    :param most: the largest number of poses, at least two
+    :param most: the largest number of poses, at least two; with more they would be farther apart
     """
     if len(plan.steps) >= most:
         ends = [ORIGIN, *(step.pose for step in plan.steps)]
@@ -436,9 +385,8 @@ class _Cone:
     """
     The directions in which a straight line from a start point passes near all added points.
 
-    A line passes near a point if the distance between them is at most ``grain``.  To simplify a
-    path, its points are added one by one, until no line passes near all of them.  This is the cone
-    intersection method of Williams (1978) and of Sklansky and Gonzalez (1980).
+    Near is at most ``grain`` away.  The cone intersection method of Williams (1978) and of
+    Sklansky and Gonzalez (1980) to simplify a path.
     """
 
     __slots__ = ('_grain', '_high', '_low', '_middle', '_reach', '_start')
@@ -450,13 +398,9 @@ class _Cone:
 
     def add(self, point: Point) -> bool:
         """
-        Add a point if a straight line from the start point passes near it and all added points.
+        Add a point if a line passes near it and all others, and the path does not turn back.
 
-        A line passes near a point if the distance between them is at most ``grain``.  The start
-        point and ``grain`` were given to the constructor.
-
-        :returns: whether the point was added; it is also not added if the path has turned back
-            towards the start point
+        :returns: whether the point was added
         """
         x, y = point[0] - self._start[0], point[1] - self._start[1]
         distance = math.hypot(x, y)

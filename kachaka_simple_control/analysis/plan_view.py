@@ -14,8 +14,8 @@
 """
 A plan with its name, robot, limits and floor area, for tables and plots.
 
-This module also estimates the errors of a simple loop that drives the plan: in each iteration the
-loop publishes a velocity, and then sleeps for at most one period.
+Also what a simple loop would make of it, which publishes a velocity and then sleeps for at most
+one period.
 """
 
 from __future__ import annotations
@@ -108,11 +108,10 @@ class PlanView:
     @cached_property
     def floor(self) -> Area:
         """
-        Return the floor area that the robot needs for the plan, relative to its start pose.
+        Return the floor area that the robot's outline, or else its path, needs.
 
-        The area covers the robot's outline, or its path if the outline is unknown.  On curves and
-        turns the outline is computed every few degrees.  The error is below a thousandth of the
-        robot's size.
+        On curves and turns the outline is computed every few degrees; the error is below a
+        thousandth of the robot's size.
         """
         xs, ys = zip(*outlines(self.footprint, sample_path(self.plan, most=MAX_FLOOR_POSES)))
         return Area(min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys))
@@ -145,8 +144,6 @@ class SleepLoopEstimate:
     """
     The estimated errors of a simple loop that publishes the velocities of plans.
 
-    In each iteration the loop publishes a velocity, and then sleeps for at most one period.
-
     :param extra_time: the driven time minus the planned time [s]
     :param distance: the distance from the planned end to the robot's end [m]
     :param angle: the heading error at the end [rad], positive to the left
@@ -160,16 +157,10 @@ class SleepLoopEstimate:
 
 def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
     """
-    Estimate the errors of a simple loop that publishes the velocities of plans.
+    Estimate the errors of a simple loop that publishes the velocities of plans in driving order.
 
-    Each iteration of the loop publishes the current velocity.  Then it sleeps for one period, or
-    for the planned duration of the velocity if this is shorter.  After each iteration, the loop
-    checks the time.  If the planned duration of the step is over, the next step starts.
-
-    The estimate assumes that an iteration takes 0.8 ms longer than its sleep, and that the robot
-    follows each velocity exactly.
-
-    :param plans: the plans, in the order in which the robot drives them
+    Each iteration takes 0.8 ms longer than its sleep, a period or the planned duration of the
+    velocity if that is shorter; then the next step starts if the time of this one is over.
     """
     pose = goal = ORIGIN
     duration = 0.0
@@ -196,12 +187,7 @@ def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
 
 
 class _LoopStep(NamedTuple):
-    """
-    The estimated result of one step, if a simple loop publishes its velocities.
-
-    In each iteration the loop publishes a velocity, and then sleeps for at most one period.
-    Repetitions of a step that are driven in the same way have the same result.
-    """
+    """What a simple loop makes of a step; the same for repetitions that are driven alike."""
 
     end: Pose
     duration: float

@@ -34,8 +34,7 @@ def sent(messages: Sequence[VelocitySent], command_timeout: float = math.inf) ->
     """
     Return the displacement of a robot that keeps each sent velocity until the next message.
 
-    :param messages: the velocity messages, in order; the last one only gives the end time
-    :param command_timeout: the longest time for which the robot keeps a velocity [s]
+    :param messages: in order; the last one only gives the end time
     """
     held = [(one.velocity, min(two.time - one.time, command_timeout))
             for one, two in pairwise(messages)]
@@ -46,13 +45,9 @@ def sent(messages: Sequence[VelocitySent], command_timeout: float = math.inf) ->
 
 def driven(odometry: Sequence[OdometryReceived], begin: float, end: float) -> Displacement | None:
     """
-    Return how far a robot moved between two times, according to odometry.
+    Return how far a robot moved between two times by odometry.
 
-    :param odometry: the received samples, in order of time
-    :param begin: the start time [s]
-    :param end: the end time [s]
-    :returns: the distance and the angle; None if odometry begins after ``begin`` or ends before
-        ``end``
+    :returns: None if odometry begins after ``begin`` or ends before ``end``
     """
     if not odometry or odometry[0].time > begin or odometry[-1].time < end:
         return None
@@ -70,21 +65,13 @@ def segment_odometry(
     """
     Return the times at which to divide the odometry of a drive into its steps.
 
-    Usually two steps are divided at the time at which the second one starts.  If the robot moves
-    in only one of the two steps, this time is shifted by ODOMETRY_DELAY (0.06 s) into the
-    standstill.  So the whole movement counts for the moving step, although odometry is delayed.
-    The robot stands still in a waiting step, and in a pause at the start of a step.
+    Odometry is late: where the robot moves in only one of two steps, the time is shifted by
+    ODOMETRY_DELAY (0.06 s) into the standstill, so that the whole movement counts for that step.
+    The end of the last step is shifted, too, and to the next sample: a node that was suspended
+    received none before the guardian stopped the robot.  A waiting step in which odometry begins
+    starts with its first sample.
 
-    The end of the last step is shifted in the same way, and then to the next odometry sample.  A
-    node that was suspended received no odometry before the guardian stopped the robot, so the
-    next sample may be much later.  The robot stands still until then.
-
-    If the drive starts with a waiting step, and odometry begins during this step, the first time
-    is that of the first odometry sample.
-
-    :param steps: the steps, in order
-    :param odometry: the received samples, in order
-    :returns: the times [s], in order: the start of each step, and the end of the last step
+    :returns: in order: the start of each step, and the end of the last step [s]
     """
     first = steps[0]
     cuts = [first.began]
@@ -111,12 +98,7 @@ def _begins_at_rest(step: StepLog) -> bool:
 
 
 def pose_at(odometry: Sequence[OdometryReceived], time: float) -> Pose:
-    """
-    Return the pose at a time, linearly interpolated between two odometry samples.
-
-    :param odometry: the received samples, in order.  The first one must not be later than
-        ``time``, and the last one must not be earlier
-    """
+    """Return the pose at a time between two odometry samples, interpolated."""
     index = bisect_left(odometry, time, key=attrgetter('time'))
     before, after = odometry[max(0, index - 1)], odometry[index]
     if after.time <= before.time:
@@ -143,9 +125,8 @@ class Result:
     """
     The displacement of a step or a flow: as requested, as sent, and as reported by odometry.
 
-    :param is_complete: whether it was driven to its end
-    :param requested: the displacement that is requested; for a step in a flow, the planned one
-    :param odometry: the displacement from odometry; None if odometry does not cover it
+    :param requested: for a step in a flow, the planned one
+    :param odometry: None if odometry does not cover it
     """
 
     is_complete: bool
@@ -156,10 +137,9 @@ class Result:
     @property
     def error(self) -> Displacement | None:
         """
-        Return the error: the displacement in odometry minus the requested one.
+        Return the displacement in odometry minus the requested one; None without odometry.
 
-        If the step or the flow ended early, the displacement according to the sent velocities is
-        subtracted instead.  Without odometry, return None.
+        Minus the sent one if it ended early.
         """
         if self.odometry is None:
             return None
@@ -180,9 +160,7 @@ class StepResult(Result):
     """
     The displacement of a started step: as requested, as sent, and as reported by odometry.
 
-    In a flow, which is a run of steps without a stop, ``odometry`` is None.  Odometry arrives
-    late, so while the robot moves, it does not show where a step ended.  The result of the whole
-    flow has the odometry.
+    In a flow, ``odometry`` is None: it is late, and does not show where a step ended in motion.
 
     :param flow: for the last started step of a flow, the result of the whole flow
     """
@@ -194,11 +172,7 @@ class StepResult(Result):
 
 
 def flow_ranges(steps: Sequence[StepLog]) -> list[range]:
-    """
-    Return the started steps of each flow, which is a run of steps without a stop.
-
-    :param steps: the started steps, in order; they may belong to several motions
-    """
+    """Return the started steps of each flow; they may belong to several motions."""
     flows: list[range] = []
     for index, (before, after) in enumerate(pairwise(steps)):
         # The next step may be the first step of another motion, if a motion ended early.
@@ -212,13 +186,7 @@ def flow_ranges(steps: Sequence[StepLog]) -> list[range]:
 def step_results(
         steps: Sequence[StepLog], names: Sequence[str], odometry: Sequence[OdometryReceived],
         command_timeout: float = math.inf) -> list[StepResult]:
-    """
-    Return the displacement of each step: requested, from sent velocities, and from odometry.
-
-    :param steps: the started steps, in order
-    :param odometry: the received samples, in order
-    :param command_timeout: the time after which the robot stops without a new velocity [s]
-    """
+    """Return the displacement of each step: requested, from sent velocities, and from odometry."""
     if not steps:
         return []
     cuts = segment_odometry(steps, odometry)

@@ -95,11 +95,7 @@ def signal_name(number: int) -> str:
 
 
 def _reason(log: DriveLog, faults_only: bool = False) -> str | None:
-    """
-    Return why a motion of a drive ended early; None if no motion ended early.
-
-    If several motions ended early, the reason of the first one is returned.
-    """
+    """Return why the first motion that ended early did; None if none did."""
     return next((motion.reason for motion in log.motions
                  if motion.reason is not None and (motion.is_fault or not faults_only)), None)
 
@@ -143,13 +139,8 @@ class SpeedInterval:
     """
     A time interval of a motion in which the speed factors were constant.
 
-    The speed relative to the plan is the product of all speed factors, which are from 0 to 1.
-    Each factor is set by a source, such as a pause or an obstacle.
-
-    :param factors: the speed factors below 1, by the name of the source; empty at full speed
-    :param begin: the start time [s on the steady clock]
-    :param end: the end time [s on the steady clock]
-    :param plan_end: the progress of the motion at ``end``, in seconds of its plan
+    :param factors: those below 1, by the name of the source; empty at full speed
+    :param plan_end: the plan time at ``end`` [s]
     """
 
     motion: MotionLog
@@ -166,11 +157,7 @@ class SpeedInterval:
 
     @property
     def reason(self) -> str:
-        """
-        Return the reasons for a reduced speed as text, such as ``paused, obstacle 40 %``.
-
-        At full speed, the text is empty.
-        """
+        """Return a text such as ``paused, obstacle 40 %``; empty at full speed."""
         return describe_factors(self.factors)
 
     @property
@@ -180,11 +167,7 @@ class SpeedInterval:
 
     @property
     def step(self) -> PlannedStep:
-        """
-        Return the step in which the interval starts.
-
-        If the interval is a pause, return the step in which the robot is paused.
-        """
+        """Return the step in which the interval starts or, in a pause, the robot is held."""
         # The motion can still advance at the start of a pause, but not at its end.
         plan = self.motion.plan
         return plan.steps[plan.step_index(self.plan_end if self.is_pause else self.plan_begin)]
@@ -192,11 +175,9 @@ class SpeedInterval:
 
 def speed_intervals(log: DriveLog) -> list[SpeedInterval]:
     """
-    Divide the motions of a drive into intervals in which the speed factors are constant.
+    Divide the motions of a drive into intervals of constant speed factors.
 
-    The product of the speed factors is the speed relative to the plan, from 0 to 1.
-
-    :returns: the intervals, in order; motions that were at full speed all the time have none
+    :returns: in order; motions that were at full speed all the time have none
     """
     return [interval for motion in log.motions if motion.own_messages and motion.plan.steps
             for interval in _intervals(motion, log.speed_changes)]
@@ -223,9 +204,9 @@ def _intervals(motion: MotionLog, changes: Sequence[SpeedFactorChanged]) -> list
 
 class Summary:
     """
-    The results of a drive.  Each result is computed when it is first used.
+    The results of a drive, each computed when it is first used.
 
-    :param log: the log of the drive; it must not change later
+    :param log: it must not change later
     """
 
     def __init__(self, log: DriveLog) -> None:
@@ -238,20 +219,12 @@ class Summary:
 
     @cached_property
     def aligned(self) -> AlignedDrive:
-        """
-        Return the planned path, the sent path and the odometry path, all in one frame.
-
-        The sent path is that of a robot that follows the sent velocities exactly.
-        """
+        """Return the planned path, the sent path and the odometry path, all in one frame."""
         return AlignedDrive(self.log)
 
     @cached_property
     def steps(self) -> list[StepResult]:
-        """
-        Return the requested, the sent and the reported displacement of each started step.
-
-        The sent displacement follows from the sent velocities.  The reported one is from odometry.
-        """
+        """Return the requested, the sent and the reported displacement of each started step."""
         pairs = [(step, motion.planned.motion.name) for motion in self.log.motions
                  for step in motion.steps if step.sent]
         odometry = [sample.received for sample in self.aligned.odometry]
@@ -265,12 +238,7 @@ class Summary:
 
     @cached_property
     def speed(self) -> list[SpeedInterval]:
-        """
-        Return the time intervals of the drive in which the speed factors were constant.
-
-        The product of the speed factors is the speed relative to the plan, from 0 to 1.  Motions
-        that were at full speed all the time have no intervals.
-        """
+        """Return the intervals of constant speed factors; none for motions at full speed."""
         return speed_intervals(self.log)
 
     @cached_property
@@ -278,13 +246,7 @@ class Summary:
         return {id(step.log.planned): number for number, step in enumerate(self.steps, 1)}
 
     def step_number(self, interval: SpeedInterval) -> int | None:
-        """
-        Return the number of the step to which a speed interval belongs.
-
-        The started steps of all motions are counted together, from 1.
-
-        :returns: the number; None if the step was not started
-        """
+        """Return the number, from 1 over all motions, of the step of an interval; or None."""
         return self._step_numbers.get(id(interval.step))
 
     @property
@@ -295,11 +257,7 @@ class Summary:
 
     @cached_property
     def sleep_loop(self) -> SleepLoopEstimate:
-        """
-        Return the estimated errors if a simple loop had driven the same plans.
-
-        The loop publishes a velocity and then sleeps for at most one period.
-        """
+        """Return the estimated errors if a simple loop had driven the same plans."""
         return estimate_sleep_loop([motion.plan for motion in self.log.motions])
 
     @property
@@ -309,11 +267,7 @@ class Summary:
 
     @property
     def driven_duration(self) -> float:
-        """
-        Return the sum of the real durations of all motions, including pauses [s].
-
-        A motion lasts from its t = 0 until the zero velocity that ends it is sent.
-        """
+        """Return the sum of the real durations of all motions [s], from t = 0 to the zero."""
         return math.fsum(
             motion.own_messages[-1].time - motion.began for motion in self.log.motions
             if motion.own_messages)
@@ -329,20 +283,15 @@ class Summary:
 
     @property
     def final_pose(self) -> Pose | None:
-        """
-        Return the last pose from odometry; None if there is none since the first motion started.
-
-        The pose is relative to the robot's pose at the start of the first motion.
-        """
+        """Return the last pose by odometry, relative to the start of the first motion; or None."""
         return None if self.last_seen is None else self.last_seen.pose
 
     @property
     def error_from_plan(self) -> Displacement | None:
         """
-        Return the distance and the heading difference between the planned and the real end pose.
+        Return distance and heading difference between the planned end and the last odometry pose.
 
-        The real end pose is the last pose from odometry.  Return None if a motion ended early, or
-        if there is no odometry.
+        None if a motion ended early, or without odometry.
         """
         if self.final_pose is None or not all(motion.is_complete for motion in self.log.motions):
             return None
@@ -351,11 +300,9 @@ class Summary:
     @property
     def error_from_sent(self) -> Displacement | None:
         """
-        Return the distance and the heading difference between the expected and the real end pose.
+        Return distance and heading difference between where the sent velocities lead and odometry.
 
-        The real end pose is the last pose from odometry.  The expected end pose is computed from
-        the velocities that were sent until the time of this pose.  Return None if there is no
-        odometry.
+        At the time of its last pose; None without odometry.
         """
         return None if self.last_seen is None else Displacement(
             self.last_seen.distance, self.last_seen.angle)

@@ -14,11 +14,8 @@
 """
 The command ``kachaka_calibrate``, which calibrates a robot and writes the robot's profile.
 
-By default, the command measures with odometry how the robot follows velocity commands.
-
-With the argument ``floor`` or ``umbmark``, it calibrates the odometry itself.  The robot drives a
-straight line and a turn (``floor``), or squares (``umbmark``).  The user then measures with a tape
-measure where the robot has stopped.
+By default it measures by odometry what the robot makes of velocities.  ``floor`` and ``umbmark``
+calibrate the odometry itself: the user measures with a tape where the robot has stopped.
 """
 
 from __future__ import annotations
@@ -75,11 +72,7 @@ MARK = 'Mark where the middle between its wheels is, and which way it looks.  '
 
 def calibrate(options: CalibrateOptions) -> None:
     """
-    Measure with odometry how the robot follows velocity commands, and write the robot's profile.
-
-    The robot drives a calibration motion.  Before it moves, the user must confirm the drive,
-    unless the robot is simulated or ``--yes`` was given.  With ``--dry-run``, the function only
-    prints the plan of the motion.
+    Measure with odometry how the robot follows velocities, and write the robot's profile.
 
     :raises CalibrationError: if the drive gives no valid calibration; no file is written
     :raises UsageError: if the robot's profile has a calibration already; the robot has not moved
@@ -112,11 +105,7 @@ def calibrate(options: CalibrateOptions) -> None:
 
 def measure_floor(options: CalibrateOptions) -> None:
     """
-    Calibrate odometry with a straight line and a turn, and write the robot's profile.
-
-    The robot drives 1 m and makes one full turn.  The user measures on the floor how far the robot
-    has driven and turned.  With ``--dry-run``, the function only prints the plans of the two
-    motions.
+    Calibrate odometry with 1 m and one full turn, measured on the floor; write the profile.
 
     :raises CalibrationError: if the drives give no valid calibration; no file is written
     :raises ControlError: if a drive cannot start or is not completed; no file is written
@@ -148,14 +137,10 @@ def measure_floor(options: CalibrateOptions) -> None:
 
 def measure_squares(options: CalibrateOptions) -> None:
     """
-    Calibrate odometry with the UMBmark method, and write the robot's profile.
-
-    The robot drives squares clockwise and counterclockwise.  After each square, the user measures
-    on the floor the pose of the robot relative to its start (method: J. Borenstein and L. Feng,
-    1996). With ``--dry-run``, the function only prints the plans of the two motions.
+    Calibrate odometry with the UMBmark method (Borenstein and Feng, 1996); write the profile.
 
     :raises CalibrationError: if the drives give no valid calibration; no file is written
-    :raises UsageError: if the robot's profile has no odometry calibration yet (first run
+    :raises UsageError: if the profile has no odometry calibration yet (first run
         ``kachaka_calibrate floor``); the robot has not moved
     :raises ControlError: if a drive cannot start or is not completed; no file is written
     """
@@ -200,14 +185,12 @@ def measure_squares(options: CalibrateOptions) -> None:
 
 def require_ready(options: CalibrateOptions) -> Settings:
     """
-    Check the robot and the output file before a calibration.
+    Check the robot and the output file before a calibration; return the settings for the drive.
 
-    The output file must not exist yet.  There is one exception: a calibration with a tape measure
-    may replace the file of the robot's profile, if ``--output`` names this file.
+    The file must not exist, unless a calibration with a tape replaces the robot's own profile.
 
-    :returns: the settings for the drive, such as the robot's profile and the message rate
-    :raises UsageError: if the robot has no odometry, corners are to be cut, or the output file
-        already exists or cannot be written; the robot has not moved
+    :raises UsageError: if the robot has no odometry, corners are to be cut, or the file exists or
+        cannot be written; the robot has not moved
     """
     settings = choose_settings(options, None)
     if settings.corners:
@@ -237,19 +220,15 @@ def drive_until_good(
     """
     Drive a motion until the drive gives a valid measurement, and return the measurement.
 
-    Before each drive the user is asked whether the robot may drive, unless the robot is simulated
-    or ``--yes`` was given.
+    At most three times, with the robot put back to its start.  So the drive is not repeated
+    without a terminal, or if a real robot drives with ``--yes``.  Each is asked for, as
+    everywhere.
 
-    If the measurement is not valid, the robot drives the motion again, at most three times in
-    total.  Before this, the user must put the robot back to its start.  Therefore, the drive is
-    not repeated if standard input is not a terminal, or if a real robot drives with ``--yes``.
-
-    :param fit: a function that computes the measurement from the record of a drive; it raises
-        CalibrationError if the measurement is not valid
+    :param fit: computes the measurement from the record; raises CalibrationError if it is not
+        valid
     :param before: an instruction that is printed before each drive; empty for none
     :raises CalibrationError: if the last drive gives no valid measurement
-    :raises UsageError: if the user does not allow a drive, or there is no terminal for the
-        question
+    :raises UsageError: if the user does not allow a drive, or there is no terminal to ask at
     :raises ControlError: if a drive cannot start or is not completed; it is not repeated
     """
     for attempt in range(1, MAX_ATTEMPTS + 1):
@@ -272,13 +251,7 @@ def drive_until_good(
 def _drive(
         options: CalibrateOptions, motion: str, view: PlanView, report: str,
         before: str) -> list[Pose]:
-    """
-    Drive a calibration motion, and return the path that odometry reported.
-
-    If the odometry of a drive is not valid, the robot drives the motion again, at most three times
-    in total.  The drive is not repeated if standard input is not a terminal, or if a real robot
-    drives with ``--yes``.
-    """
+    """Drive a motion until its odometry is valid, and return the path that odometry reported."""
     if options.report is not None:
         options = replace(options, report=str(Path(options.report) / report))
     return drive_until_good(options, motion, view, odometry_fit.reported_path, before)
@@ -291,9 +264,8 @@ def today() -> str:
 
 def show_result(rows: Sequence[Row]) -> None:
     """
-    Print the results of a calibration as a table.
+    Print the results of a calibration as a table: name, value and standard error of each.
 
-    :param rows: for each result, its name, its value and its standard error, as text
     :raises RunFaultError: if it cannot be printed, such as to a full disk
     """
     table = columns((Column(''), Column('value'), Column('standard error')), rows)
@@ -328,11 +300,7 @@ def _write_robot(
 
 
 class _Answers:
-    """
-    Provides the measurements that the user makes with a tape measure.
-
-    They are given with the option ``--measured``, or the user is asked for them at the terminal.
-    """
+    """The measurements with a tape: those of ``--measured``, or what the user is asked."""
 
     def __init__(self, given: Sequence[str], quantities: Sequence[Sequence[Quantity]]) -> None:
         """
@@ -355,12 +323,8 @@ class _Answers:
 
     def ask(self, question: str, kinds: Sequence[Quantity]) -> list[float]:
         """
-        Return the answer to the next question.
+        Return the next answer, lengths [m] and angles [rad]; ask until it is valid.
 
-        If the option ``--measured`` gave the answers, return the next one.  Otherwise, ask the
-        user, and repeat the question until the answer is valid.
-
-        :returns: the measured values: lengths [m] and angles [rad]
         :raises UsageError: if the user enters an empty line
         """
         if self._given:
@@ -387,13 +351,10 @@ def _parse(answer: str, kinds: Sequence[Quantity]) -> list[float]:
 @contextlib.contextmanager
 def _motions(side: str) -> Iterator[tuple[str, str]]:
     """
-    Provide two square motions for a ``with`` block: the clockwise and the counterclockwise one.
+    Yield the names or paths of the clockwise and the counterclockwise square, in a block.
 
-    They are for the UMBmark method, which calibrates odometry.  Squares of the default size are
-    motions of the package.  Squares of another size are written to temporary files, which are
-    deleted after the block.
+    Those of another size than the package's are temporary files.
 
-    :returns: the names of the motions, or the paths of the files
     :raises UsageError: if the side length is invalid
     """
     names = 'umbmark_cw', 'umbmark_ccw'
@@ -416,8 +377,7 @@ def _track(options: CalibrateOptions, profile: RobotProfile) -> float:
     """
     Return the wheel separation that a robot uses to compute its odometry [m].
 
-    :raises UsageError: if the wheel separation is invalid, or if it is neither given nor known for
-        the robot
+    :raises UsageError: if it is invalid, or neither given nor known for the robot
     """
     known = profile.odometry_calibration
     if options.track is not None:
@@ -438,12 +398,7 @@ def _size(option: str, text: str) -> float:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the command ``kachaka_calibrate``.
-
-    :param args: the command line arguments after the program's name; None for those of this
-        process
-    """
+    """Run the command ``kachaka_calibrate``."""
     options = calibrate_options.parse(sys.argv[1:] if args is None else args)
     measure = {calibrate_options.FLOOR: measure_floor,
                calibrate_options.UMBMARK: measure_squares}.get(options.part, calibrate)

@@ -44,22 +44,16 @@ how unequal the wheels are and how wide the track is (after J. Borenstein and L.
 @dataclass(frozen=True)
 class CalibrateOptions(cli.Options):
     """
-    The values of the command line options of ``kachaka_calibrate``.
+    The values of the options of ``kachaka_calibrate``, with those of the command that drives.
 
-    The class also has the options of ``kachaka_simple_control``, because the command drives a
-    robot.
-
-    :param plot: the image file for a plot of the drive and its calibration; None for no plot
-    :param calibrates: always True; it means that the drive is for a calibration
-    :param part: what to measure: ``floor`` or ``umbmark`` with a tape measure, or an empty text to
-        measure with odometry only
-    :param output: the file of the robot's profile to write; None for the default file
+    :param plot: the image file; None for no plot
+    :param calibrates: always True
+    :param part: ``floor`` or ``umbmark``, or empty to measure with odometry only
+    :param output: the file of the profile to write; None for the default file
     :param measured: the measurements with the tape, in the order of the questions; empty to ask
-        the user
-    :param side: the side length of the squares to drive, as text; None for the default
+    :param side: of the squares, as text; None for the default
     :param squares: the number of squares in each direction; None for one
-    :param track: the wheel separation that the robot uses to compute its odometry, as text; None
-        for the known value of the robot
+    :param track: the wheel separation of the odometry, as text; None for that of the robot
     """
 
     calibrates: bool = True
@@ -82,8 +76,7 @@ def parse(arguments: Sequence[str]) -> CalibrateOptions:
     """
     Parse the command line arguments of ``kachaka_calibrate``.
 
-    :raises SystemExit: with code 2 if an argument is invalid, with code 0 if ``--help`` is given;
-        before that, an error message in one line or the help is printed
+    :raises SystemExit: with code 2 after an error in one line, with code 0 after the help
     """
     parser = _parser()
     values = cli.parse_values(parser, arguments)

@@ -61,27 +61,22 @@ default of the parameter
 @dataclass(frozen=True)
 class Options:
     """
-    The values of the command line options of ``kachaka_simple_control``.
-
-    The lesson is the motion that is driven by default.
+    The values of the command line options of ``kachaka_simple_control``; None if not given.
 
     :param motions: the names or files of motions; empty for the lesson
-    :param robot: the name or file of the robot's profile, which has its topics and limits; None if
-        not given
-    :param closed_loop: whether odometry corrects the velocities; None if not given
-    :param corners: how far the robot may pass the corners between steps [m]; None if not given
-    :param within: how far from the plan the drive may end, as text; None if not given
-    :param speed: the initial speed as a fraction of the planned speed, up to 1; None if not given
-    :param plot: the image file for a plot of the plans; None for no plot
-    :param wait: whether to start the motion only when the service ``~/run`` is called or Enter is
-        pressed
-    :param report: the directory for a report; None for no report
+    :param robot: the name or file of the robot's profile
+    :param closed_loop: whether odometry corrects the velocities
+    :param corners: how far the robot may pass the corners between steps [m]
+    :param within: how far from the plan the drive may end, as text
+    :param speed: the initial speed as a fraction of the planned speed, up to 1
+    :param plot: the image file for a plot of the plans
+    :param wait: whether to start the motion only at the service ``~/run`` or Enter
+    :param report: the directory for a report
     :param quiet: whether to print only the node's log lines while the robot drives
-    :param address: the address of a real robot, for which to start a bridge; None if not given
+    :param address: of a real robot, for which to start a bridge
     :param simulation: the options of the simulated robot, as command line arguments
     :param yes: whether to drive a real robot without asking the user
-    :param calibrates: whether the drive is for a calibration; such a drive is recorded, and prints
-        no table of results
+    :param calibrates: whether the drive is for a calibration: recorded, without a table
     """
 
     motions: tuple[str, ...] = ()
@@ -125,11 +120,7 @@ class Options:
 
     @property
     def starts_bridge(self) -> bool:
-        """
-        Whether the command starts a bridge, a process that connects a robot to ROS 2.
-
-        The robot is a simulated or a real one.
-        """
+        """Whether the command starts a bridge, of a simulated or a real robot."""
         return self.sim or self.address is not None
 
 
@@ -137,10 +128,7 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     """
     Parse the command line arguments of ``kachaka_simple_control``.
 
-    :param arguments: the arguments after the program's name; None for those of this process
-    :raises SystemExit: with code 2 if an argument is invalid, with code 0 if ``--help`` or
-        ``--version`` is given; before that, an error message in one line, the help or the version
-        is printed
+    :raises SystemExit: with code 2 after an error in one line, with code 0 after help or version
     """
     parser = _parser()
     if '_ARGCOMPLETE' in os.environ:
@@ -191,8 +179,7 @@ def parse_values(parser: OneLineParser, arguments: Sequence[str]) -> dict[str, A
     """
     Parse the command line arguments of a program that drives a robot.
 
-    :returns: the values of the options, by name; the key ``ros_arguments`` has the arguments for
-        ROS, and the key ``command`` has the whole command line
+    :returns: by name; ``ros_arguments`` for ROS, and ``command``, the whole command line
     """
     own, ros = split_ros_arguments(arguments)
     return {**vars(parser.parse_args(own)), 'ros_arguments': tuple(ros),
@@ -201,13 +188,9 @@ def parse_values(parser: OneLineParser, arguments: Sequence[str]) -> dict[str, A
 
 def take_simulation(parser: OneLineParser, values: dict[str, Any]) -> None:
     """
-    Check the options of the simulated robot, and combine them into one value.
+    Check the options of the simulated robot, and combine them in the key ``simulation``.
 
-    The values of these options are removed from ``values``.  The new key ``simulation`` has the
-    options that the user gave, as command line arguments.
-
-    :param parser: the parser, which ends the program if an option is invalid
-    :param values: the values of all options, by name; the function changes this dictionary
+    :param values: of all options, by name; changed in place
     """
     simulation = simulation_words(values)
     if simulation and not values['sim']:
@@ -309,13 +292,7 @@ def _speed(text: str) -> float:
 
 
 def tolerance(text: str) -> float:
-    """
-    Return the value of the option ``--corners`` [m]: a length, or 0 without a unit.
-
-    If the text is not a length from 0 to 1 m, argparse prints an error.
-
-    :param text: the text of the user, as in ``5cm``
-    """
+    """Return the value of ``--corners`` [m]: a length from 0 to 1 m, as in ``5cm``, or 0."""
     with contextlib.suppress(ValueError):
         if float(text) == 0.0:
             return 0.0
@@ -349,11 +326,7 @@ def _count(text: str) -> int:
 
 
 def _complete(parser: OneLineParser) -> NoReturn:
-    """
-    Print the possible completions of a word on the command line, and exit.
-
-    When the user presses Tab, the shell starts the program, which then calls this function.
-    """
+    """Print the possible completions of a word for the shell, at Tab, and exit."""
     try:
         from argcomplete import autocomplete
     except ModuleNotFoundError:
@@ -379,13 +352,7 @@ def _paths(prefix: str, *suffixes: str) -> list[str]:
 
 
 def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
-    """
-    Split command line arguments into the program's own arguments and the arguments for ROS.
-
-    The arguments for ROS begin with ``--ros-args``, and end with ``--`` or the last argument.
-
-    :returns: the program's own arguments, and the arguments for ROS with ``--ros-args`` and ``--``
-    """
+    """Split arguments into the program's own and those from ``--ros-args`` to ``--``, for ROS."""
     own: list[str] = []
     ros: list[str] = []
     is_for_ros = False

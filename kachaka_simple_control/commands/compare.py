@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-The command ``kachaka_compare``, which compares several drives of the same motion.
-
-The command reads the reports of the drives.
-"""
+"""The command ``kachaka_compare``, which compares drives of a motion by their reports."""
 
 from __future__ import annotations
 
@@ -57,12 +53,7 @@ def compare(directories: Sequence[Path], plot: str | None) -> None:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the command ``kachaka_compare``.
-
-    :param args: the command line arguments after the program's name; None for those of this
-        process
-    """
+    """Run the command ``kachaka_compare``."""
     parser = OneLineParser(
         prog=NAME, allow_abbrev=False,
         description='Compare drives of the same motion by their reports: how exactly it ends by '

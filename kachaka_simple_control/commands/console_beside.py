@@ -37,11 +37,9 @@ class ConsoleBeside(RemoteCommands):
     """
     The page of the console for a drive that begins in this program; a context manager.
 
-    The page shows the drive, and can stop, pause, resume and slow it down.  The console is a child
-    process.  If it ends, the drive goes on, because it began in a terminal.
+    The console is a child process: if it ends, the drive goes on, because it began in a terminal.
 
-    :param robot: the name or file of the robot's profile, for the plans that the page shows; None
-        for the default
+    :param robot: for the plans that the page shows; None for the default
     :param motion_text: the text of the motion file, whose plan the page draws; None without a file
     :raises UsageError: if tornado is missing, or if the console does not start
     """

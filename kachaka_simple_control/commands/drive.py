@@ -68,13 +68,9 @@ KEY_STEP = 0.1
 
 def drive(options: Options) -> DriveLog:
     """
-    Drive a motion as the options request, and return the record of the drive.
+    Drive a motion as the options request, with ``--wait`` at each request; return the record.
 
-    If the options name no motion, drive the lesson, the default motion.  With ``--wait``, wait for
-    requests and drive the motion at each request, until the program is stopped.
-
-    :returns: the plans, the sent velocities and the odometry of the drive; empty if the drive was
-        not recorded
+    :returns: empty if the drive was not recorded
     :raises ControlError: if the drive could not be completed; the robot was stopped
     :raises InvalidMotionError: if the robot cannot drive the motion; the robot has not moved
     """
@@ -169,8 +165,7 @@ def _reports() -> ReportWriter:
     """
     Return an object that writes reports to standard output.
 
-    From now on, everything else that this process writes to standard output goes to standard
-    error, so that only reports reach the reader.
+    Everything else that this process writes there goes to standard error from now on.
     """
     # Imported here, because a drive without the console needs nothing of it.
     from kachaka_simple_control.commands.remote_reports import ReportWriter
@@ -182,11 +177,7 @@ def _reports() -> ReportWriter:
 def _remote_control(
         stack: contextlib.ExitStack, robot_control: KachakaSimpleControl,
         reports: ReportWriter | None, options: Options) -> RemoteControl | None:
-    """
-    Return an object that drives as lines on standard input command; None without reports.
-
-    :param reports: the object that writes the reports; None if no lines are read
-    """
+    """Return an object that drives as lines on standard input command; None without reports."""
     if reports is None:
         return None
     from kachaka_simple_control.commands.remote_control import RemoteControl
@@ -212,10 +203,7 @@ def _start_subscribers(
     """
     Start the processes that display a drive and write its report, if the options request them.
 
-    The report also says whether the guardian has stopped the robot.
-
-    :param guardian_memory: a tuple of the file descriptor of the memory that is shared with the
-        guardian, and the index of the robot in this memory; None without a guardian
+    :param guardian_memory: where to see that the guardian has stopped the robot; None without one
     :returns: the process that writes the report; None without a report
     """
     # A lesson without a terminal needs no display, because the node logs each of its movements.
@@ -234,10 +222,9 @@ def _start_bridge(
         stack: contextlib.ExitStack, options: Options,
         robot_control: KachakaSimpleControl) -> None:
     """
-    Start the bridge of a robot, a child process that connects the robot to ROS 2.
+    Start the bridge of a robot; from now on the node drives only the robot of this bridge.
 
-    After this, the node drives only the robot of this bridge, and no other robot with the same
-    topics.  The bridge ends when the stack is closed.
+    It ends when the stack is closed.
     """
     from kachaka_simple_control.kachaka.bridge_process import real_bridge, simulated_bridge
     namespace = robot_control.node_parameters.robot_namespace
@@ -251,14 +238,8 @@ def _motion_file(options: Options) -> MotionFile | None:
     """
     Read the motion that the options name, and check that the robot can drive it.
 
-    If the options name no motion, the program drives the lesson, which is the default motion:
-
-    - With ``--wait``, this function reads the lesson like any other motion.
-    - Without ``--wait``, this function returns None, and the program later calls the Python
-      function of the lesson.
-
-    :returns: the checked motion and its source; None if the options have neither a motion nor
-        ``--wait``
+    :returns: the lesson if none is named, with ``--wait``; without it None: the lesson's Python
+        function is called
     :raises UsageError: if two options contradict each other
     :raises InvalidMotionError: if the motion is not found, or the robot cannot drive it
     """
@@ -292,11 +273,7 @@ def _title(options: Options, motion_file: MotionFile | None) -> str:
 
 
 def _count_movements() -> int | None:
-    """
-    Return the number of movements in the lesson, the motion that is driven by default.
-
-    Return None if the movements cannot be counted without a robot.
-    """
+    """Return the number of movements in the lesson; None if it takes a robot to count them."""
     try:
         return len(lesson_motion().steps)
     except Exception:  # an edited lesson may call methods that only a node has
@@ -336,11 +313,7 @@ def _run(
 
 def _wait_for_requests(
         robot_control: KachakaSimpleControl, motion: Motion, limits: Limits, keys: Keys) -> None:
-    """
-    Wait for requests, and drive the motion at each request, until the node is stopped.
-
-    A request is a call of the service ``~/run``, or the key Enter at the terminal.
-    """
+    """Drive a motion at each call of ``~/run`` and each Enter, until the node is stopped."""
     commander = robot_control.commander
     drive = partial(robot_control.run, motion, limits)
     name = commander.serve('~/run', partial(commander.request_start, drive))
@@ -355,12 +328,7 @@ def _wait_for_requests(
 
 
 def _keys(robot_control: KachakaSimpleControl) -> Keys:
-    """
-    Return a function for each key that controls the robot while it drives.
-
-    The space bar pauses, ``r`` resumes, ``-`` and ``+`` change the speed, and ``q`` ends the
-    program.
-    """
+    """Return a function for each key that controls the robot while it drives."""
     commander = robot_control.commander
     faster = partial(commander.change_speed, KEY_STEP)
     return {

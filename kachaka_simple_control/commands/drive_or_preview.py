@@ -45,12 +45,8 @@ def confirm(floor_size: str, before: str = '') -> None:
     """
     Ask the user whether a robot may drive, and raise an error if it may not.
 
-    Text that was typed before the question is discarded.
-
-    :param floor_size: the size of the free floor that the motion needs, as text
     :param before: an instruction that is printed before the question; empty for none
-    :raises UsageError: if the answer is not Enter, y or yes, or there is no terminal for the
-        question
+    :raises UsageError: if the answer is not Enter, y or yes, or there is no terminal to ask at
     """
     if not sys.stdin.isatty():
         raise UsageError('a robot will move: pass --yes, for there is no terminal to ask at')
@@ -66,11 +62,9 @@ def confirm(floor_size: str, before: str = '') -> None:
 
 def read_answer() -> str:
     """
-    Read a line that the user types at the terminal.
+    Read a line that the user types, with its end; empty at the end of the input.
 
     Ctrl+C always ends the wait, at most ANSWER_INTERVAL late.
-
-    :returns: the line with its end; empty at the end of the input
     """
     # A signal interrupts no read that begins just after it, or that another thread handles.
     while not select.select([sys.stdin], [], [], ANSWER_INTERVAL)[0]:
@@ -82,9 +76,8 @@ def drive(options: Options) -> DriveLog:
     """
     Drive a robot as the options request, and return the record of the drive.
 
-    :returns: the plans, the sent velocities and the odometry of the drive; empty if the drive is
-        not recorded.  It is recorded for a calibration, or with ``--sim``, ``--address``,
-        ``--report`` or the ROS parameter ``summary``.
+    :returns: empty if it is not recorded.  It is for a calibration, or with ``--sim``,
+        ``--address``, ``--report`` or the ROS parameter ``summary``.
     :raises UsageError: if ROS 2 is not installed, or its setup file was not sourced
     :raises ControlError: if the drive could not be completed; the robot was stopped
     """
@@ -135,11 +128,6 @@ def _drive_confirmed(options: Options) -> None:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the command ``kachaka_simple_control``.
-
-    :param args: the command line arguments after the program's name; None for those of this
-        process
-    """
+    """Run the command ``kachaka_simple_control``."""
     options = parse(args)
     return run_command(lambda: _run(options), moves_robot=not options.is_preview)

@@ -74,10 +74,9 @@ def _listing(options: Options) -> str:
 
 def plan_view(name: str, options: Options) -> PlanView:
     """
-    Plan a motion, and return the plan with the data that are needed to print or plot it.
+    Plan a motion, and return the plan with what is needed to print or plot it.
 
-    If the options override a value of the motion's file, print this to standard error, unless the
-    motions are only listed.
+    What overrides the motion's file is printed to standard error, unless motions are listed.
 
     :raises InvalidMotionError: if the motion is invalid or not found
     :raises UsageError: if an option is invalid

@@ -14,8 +14,7 @@
 """
 Let another program stop, pause, resume and slow down a drive, and report its state.
 
-Commands are read from one pipe, and reports are written to another.  Each line is a JSON object;
-``console/protocol.py`` describes the lines.
+Over two pipes, in the lines of ``console/protocol.py``.
 """
 
 from __future__ import annotations
@@ -51,11 +50,9 @@ UNDER_WAY = (RunState.CONNECTING, RunState.DRIVING, RunState.HELD)
 
 class RemoteCommands:
     """
-    Executes the commands of another program beside a drive, and writes reports for it.
+    Executes ``stop``, ``pause``, ``resume`` and ``speed`` beside a drive, and writes reports.
 
-    Only the commands ``stop``, ``pause``, ``resume`` and ``speed`` are executed.  One thread
-    executes the commands, and never waits for another command, so that a stop is executed at once.
-    One thread writes reports.
+    One thread executes them, and waits for no other command: a stop is executed at once.
     """
 
     #: whether the robot is driven by these commands
@@ -88,11 +85,7 @@ class RemoteCommands:
             self._start_thread(target)
 
     def finish(self) -> None:
-        """
-        Report that the program ends.
-
-        Call this after the robot was released.
-        """
+        """Report that the program ends, after the robot was released."""
         signum = signal_dispatcher.signum
         reason = self._reason if signum is None else f'stopped by {signal.Signals(signum).name}'
         with self._state_lock:

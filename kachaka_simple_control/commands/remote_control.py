@@ -12,10 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Drive a robot as another program commands: commands on standard input, reports on standard output.
+Drive a robot as another program commands on standard input; reports go to standard output.
 
-Each line is a JSON object; ``console/protocol.py`` describes the lines.  The console in the
-browser uses this, and so may any other program.
+The lines are those of ``console/protocol.py``.  The console uses this, and so may any program.
 """
 
 from __future__ import annotations
@@ -58,20 +57,16 @@ class RemoteControl(RemoteCommands):
     """
     Drives a robot as lines on standard input command.
 
-    Nothing is sent to the robot before the command ``take``.  While the robot is taken, it is
-    driven by hand: it stands still, or moves as the newest ``hand`` command says.  The command
-    ``run`` drives a motion; after the motion the robot is driven by hand again.  After a stop or a
-    fault the robot is no longer taken.
+    Nothing is sent before the command ``take``.  Then the robot is driven by hand, and by ``run``
+    in a motion, until a stop or a fault: it is no longer taken.  While a motion runs, the commands
+    keep a speed factor valid: after REMOTE_SILENCE_TIMEOUT (1 s) without any, nobody could stop
+    it, and the robot is held until ``resume``.
 
-    While a motion runs, the commands keep a speed factor valid.  If none comes for
-    REMOTE_SILENCE_TIMEOUT (1 s), the robot is held, because nobody could stop the motion then.  It
-    stays paused until the command ``resume``.
+    The main thread drives.  One executes the commands, and waits for no other command: a stop is
+    executed at once.  One writes reports.
 
-    Three threads work here.  The main thread drives.  One thread executes the commands, and never
-    waits for another command, so that a stop is executed at once.  One thread writes reports.
-
-    :param choose: a function that chooses the rate, the limits and the kind of control for a
-        motion file; it raises an error if the robot cannot drive the motion so
+    :param choose: chooses rate, limits and kind of control for a motion file; raises an error if
+        the robot cannot drive it so
     """
 
     IS_DRIVER = True
@@ -109,11 +104,7 @@ class RemoteControl(RemoteCommands):
             raise
 
     def finish(self) -> None:
-        """
-        Report that the program ends, and answer the command ``release``.
-
-        Call this after the robot was released.
-        """
+        """Report that the program ends, and answer ``release``, after the robot was released."""
         super().finish()
         if self._release is not None:
             self._writer.write(protocol.Answer(self._release, True, 'released'))
@@ -177,9 +168,8 @@ class RemoteControl(RemoteCommands):
 
     def _accept_motion(self, command: protocol.Run, stop_count: int) -> str:
         """
-        Check a motion, and let the main thread drive it.
+        Check a motion, and let the main thread drive it; return a text for the user.
 
-        :returns: a text for the user
         :raises ControlError: if the motion may not be driven now
         :raises InvalidMotionError: if the robot cannot drive the motion
         """
@@ -215,8 +205,8 @@ class RemoteControl(RemoteCommands):
         """
         Drive by hand until the hand's drive ends, in the main thread.
 
-        :param request: the accepted request, which a stop may have cancelled meanwhile; None to
-            request the drive now, unless a stop has come
+        :param request: accepted, perhaps cancelled by a stop; None to request it, unless a stop
+            came
         """
         hand = HandSource(
             self._robot_control.profile.planning_limits,

@@ -34,10 +34,9 @@ from kachaka_simple_control.ros.session import Session
 
 class ReportWriter:
     """
-    Writes reports to a pipe; any thread may write.
+    Writes reports to a pipe, from any thread.
 
-    If the reader of the pipe is frozen and the pipe is full, reports are dropped, so that no
-    thread waits longer than REMOTE_WRITE_TIMEOUT (0.05 s).
+    With a full pipe reports are dropped: no thread waits for longer than REMOTE_WRITE_TIMEOUT.
     """
 
     def __init__(self, file: int) -> None:
@@ -50,11 +49,7 @@ class ReportWriter:
         self._segment: tuple[Velocity, float] | None = None
 
     def write(self, report: protocol.Report) -> None:
-        """
-        Write a report; drop it if the reader does not read, or has ended.
-
-        A report with NaN, as from broken odometry, is dropped, too: JSON has no such number.
-        """
+        """Write a report; drop it without a reader, or with a NaN, which JSON does not have."""
         try:
             line = data = protocol.write_line(report)
         except protocol.MessageError:

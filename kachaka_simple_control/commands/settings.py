@@ -11,13 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Choose the robot, the rate of messages, the control and the corners of a motion.
-
-The control is open-loop or closed-loop.  Corners are passed by at most a tolerance.  Each value is
-from an option of the command, a ROS parameter (``-p``), or the motion's file.  If none of them
-gives the value, there is a default.
-"""
+"""Choose robot, rate, control and corners of a motion: option or ``-p``, file, default."""
 
 from __future__ import annotations
 
@@ -50,9 +44,7 @@ class Settings:
     """
     The robot, the message rate and the kind of control for which a motion is planned.
 
-    :param profile: the robot's profile, which has its topics, limits and calibration
-    :param corners: how far the robot may pass the corners between steps, to drive through them
-        without a stop [m]; 0 to stop at each of them
+    :param corners: how far the robot may pass the corners between steps [m]; 0 to stop there
     """
 
     robot: str
@@ -63,15 +55,10 @@ class Settings:
 
     def limits_of(self, motion_file: MotionFile) -> Limits:
         """
-        Check that the robot can drive a motion, and return the limits for the motion.
+        Return the limits for a motion: those in its file, and the robot's for the rest.
 
-        With closed-loop control, the check uses lower limits, because a part of each limit is
-        reserved for corrections.
-
-        :returns: for each quantity, such as the linear velocity, the limit in the file, or the
-            limit of the robot if the file has none
-        :raises MotionFileError: if the robot cannot drive the motion; the message has a line for
-            each problem
+        :raises MotionFileError: if the robot cannot drive it, in a closed loop with a share for
+            corrections; a line for each problem
         """
         return motion_file.check(self.profile.planning_limits, self.profile.name, self.closed_loop)
 
@@ -80,15 +67,10 @@ def choose_settings(options: Options, motion_file: MotionFile | None) -> Setting
     """
     Choose the robot, the message rate, the control and the corners of a motion.
 
-    A value that an option or a ROS parameter (``-p``) gives has priority over the value in the
-    motion's file.  If none of them gives a value, the default is used.
-
-    :param motion_file: the motion's file; None for the lesson, the default motion
-    :returns: the chosen settings, with the robot's profile
-    :raises UsageError: if an option and a ROS parameter give different values, if a value is
-        invalid, or if the robot does not support closed-loop control
-    :raises MotionFileError: if the robot in the motion's file is unknown, or the rate in it is out
-        of range
+    :param motion_file: None for the lesson
+    :raises UsageError: if an option and a ROS parameter differ, a value is invalid, or the robot
+        does not support closed-loop control
+    :raises MotionFileError: if the file's robot is unknown, or its rate is out of range
     """
     given = _given(options)
     values = {'robot': NodeParameters.robot, 'rate': NodeParameters.rate,
@@ -123,13 +105,7 @@ def _find_profile(robot: str, motion_file: MotionFile | None) -> RobotProfile:
 
 
 def with_corners(options: Options, motion_file: MotionFile, corners: float) -> MotionFile:
-    """
-    Return a motion's file whose motion has the tolerance of corners with which it is driven.
-
-    All later code then takes the tolerance from the motion.
-
-    :param corners: the tolerance that was chosen [m]
-    """
+    """Return a motion's file with the chosen tolerance [m] in its motion, for all later code."""
     motion = replace(motion_file.motion, corners=corners)
     if _given(options).get('corners') == 0.0:
         motion = motion.with_stops()
@@ -139,14 +115,7 @@ def with_corners(options: Options, motion_file: MotionFile, corners: float) -> M
 def describe_overrides(
         options: Options, motion_file: MotionFile | None,
         used: Settings | NodeParameters) -> list[str]:
-    """
-    Return a line of text for each setting in a motion's file that the drive does not use.
-
-    Such a setting is overridden by an option of the command or by a ROS parameter.  The line gives
-    both values.
-
-    :param motion_file: the motion's file; None if the motion has no file
-    """
+    """Return a line, with both values, for each setting of the file that is overridden."""
     lines = []
     for name, said in in_file(motion_file).items():
         value = getattr(used, name)
@@ -163,25 +132,16 @@ def describe_overrides(
 
 
 def in_file(motion_file: MotionFile | None) -> dict[str, object]:
-    """
-    Return the values of robot, rate, closed_loop and corners that a motion's file contains.
-
-    :param motion_file: the motion's file; None if the motion has no file
-    :returns: the values by name; a name that the file does not contain is left out
-    """
+    """Return the values of robot, rate, closed_loop and corners that a motion's file contains."""
     values = {name: getattr(motion_file, name, None) for name in NAMES}
     return {name: value for name, value in values.items() if value is not None}
 
 
 def _given(options: Options) -> dict[str, object]:
     """
-    Return the values of robot, rate, closed_loop and corners that the command line contains.
+    Return the values of robot, rate, closed_loop and corners by option or ``-p``.
 
-    An option, such as ``--rate 50``, or a ROS parameter, such as ``-p rate:=50``, gives a value.
-
-    :returns: the values by name; a name without a value is left out
-    :raises UsageError: if an option and a ROS parameter give different values, or a value is
-        invalid
+    :raises UsageError: if an option and a ROS parameter differ, or a value is invalid
     """
     values = {name: option for name in NAMES if (option := getattr(options, name)) is not None}
     parameters = parameter_arguments(options.ros_arguments)
@@ -197,9 +157,7 @@ def _given(options: Options) -> dict[str, object]:
 
 def chosen_speed(options: Options) -> float | None:
     """
-    Return the value of the option ``--speed`` as a fraction of the planned speed.
-
-    Return None if the option is not given.
+    Return the value of ``--speed`` as a fraction of the planned speed; None if not given.
 
     :raises UsageError: if the ROS parameter ``speed_factor`` has a different value
     """

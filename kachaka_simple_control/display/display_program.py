@@ -14,8 +14,8 @@
 """
 The program that shows a running drive in the terminal, as a panel or as plain lines.
 
-This program is a process of its own.  So drawing never holds the GIL of the driving program, and
-an error here does not end the drive.
+A process of its own: drawing never holds the GIL of the driving program, and an error here does
+not end the drive.
 """
 
 from __future__ import annotations
@@ -75,9 +75,8 @@ class StepLogger:
         """
         Return the new lines to print for the current status; usually there are none.
 
-        There is a line for each new step, but at most one in 0.5 s.  If some steps had no line,
-        the next line says how many.  There is also a line when the program has waited for the
-        robot for 2 s; later waits have no line.
+        One for each new step, at most one in 0.5 s, with how many had none; one when the program
+        has waited for the robot for 2 s.
         """
         if status.state is not self._state:
             self._state, self._state_since = status.state, now
@@ -122,22 +121,14 @@ class LineRenderer:
         self._lock = threading.Lock()
 
     def show(self, status: DriveStatus, now: float, hint: str) -> None:
-        """
-        Write lines about a new step or a long wait for the robot, if there is something new.
-
-        Before the robot moves for the first time, also write the hint.
-        """
+        """Write lines about a new step or a long wait and, before the first motion, the hint."""
         if self._has_hint and status.state in (DriveState.CONNECTING, DriveState.DRIVING):
             self._has_hint = False
             self._write(f'{hint}\n')
         self.on_event(status, now)
 
     def on_event(self, status: DriveStatus, now: float) -> None:
-        """
-        Write lines about a new step or a long wait for the robot, after an event of the drive.
-
-        Two threads call this method: the thread that reads the events, and the thread that draws.
-        """
+        """Write such lines after an event; called by the threads that read and that draw."""
         with self._lock:
             for line in self._logger.update(status, now):
                 self._write(f'{line}\n')
@@ -148,11 +139,9 @@ class LineRenderer:
 
 class PanelRenderer(LineRenderer):
     """
-    Shows a panel: a group of fixed rows at the bottom of the terminal.
+    Shows a panel, rows at the bottom of the terminal; plain lines while it is too small.
 
-    While the terminal is too small for the panel, plain lines are written instead.
-
-    :param write: a function that writes a text to the terminal with a single system call
+    :param write: writes a text to the terminal with a single system call
     """
 
     #: a panel is drawn at most 5 times a second
@@ -167,11 +156,7 @@ class PanelRenderer(LineRenderer):
         self._is_small = _is_too_small(size())
 
     def show(self, status: DriveStatus, now: float, hint: str) -> None:
-        """
-        Draw the panel if its text or the size of the terminal has changed.
-
-        If the terminal is too small for the panel, write plain lines instead.
-        """
+        """Draw the panel if its text or the size of the terminal has changed."""
         size = self._size()
         if _is_too_small(size):
             self.close()
@@ -206,12 +191,7 @@ def _is_too_small(size: os.terminal_size) -> bool:
 
 
 def renderer_for(descriptor: int) -> LineRenderer:
-    """
-    Return an object that shows the status of a drive on an output.
-
-    It draws a panel, a group of fixed rows, if the output is a terminal that supports this, and
-    the Python library rich is installed.  Otherwise it writes plain lines.
-    """
+    """Return what shows the status: a panel if the terminal and rich are there, else lines."""
     def write(text: str) -> None:
         # One write call, so that no output of other programs comes in between.
         os.write(descriptor, text.encode(sys.stderr.encoding, 'replace'))
@@ -298,12 +278,9 @@ class TerminalDisplay:
 
 def describe_killed(tracker: DriveTracker) -> str:
     """
-    Return a line for the user, to print after the driving program was killed.
+    Return a line for the user about a driving program that was killed in a motion or at rest.
 
-    If a motion was running, the line also says whether a guardian stops the robot.  Without a
-    guardian, nothing stops the robot except the robot itself.
-
-    :param tracker: the object that has followed the status of the driving program
+    It says whether a guardian stops the robot.
     """
     killed = 'kachaka_simple_control was killed'
     if not tracker.is_under_way:
@@ -326,8 +303,7 @@ def main() -> int:
     """
     Show the drive of the program that started this process.
 
-    :returns: the exit code: 0 if the terminal is restored; 1 if writing to the terminal failed,
-        so the driving program must restore the terminal
+    :returns: 1 if writing failed, so the driving program must restore the terminal
     """
     parent = os.getppid()
     make_blocking(STDERR)  # a partly written frame would corrupt the terminal

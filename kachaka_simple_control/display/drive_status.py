@@ -58,10 +58,9 @@ class Remaining:
     """
     The distance and the angle that remain until the end of a step.
 
-    :param distance: the distance along the path [m], at least 0; None if the step has no length
-    :param angle: the angle to turn [rad], at least 0; None if the step does not turn
-    :param by_odometry: True if distance and angle are from odometry, False if they are from the
-        sent velocities
+    :param distance: along the path [m], at least 0; None if the step has no length
+    :param angle: [rad], at least 0; None if the step does not turn
+    :param by_odometry: whether they are from odometry, or else from the sent velocities
     """
 
     distance: float | None
@@ -72,14 +71,11 @@ class Remaining:
 @dataclass(frozen=True)
 class StepStatus:
     """
-    The status of the current step of a motion.
+    The status of the current step of a motion, or of a movement.
 
-    The display counts either the steps of the motion or the movements.
-
-    :param number: the number of the step or movement, from 1
-    :param count: the total number of steps or movements; None if unknown
-    :param time_left: the time until the end of the step according to the plan [s]
-    :param remaining: the distance and the angle that remain until the end of the step
+    :param number: from 1
+    :param count: the total number; None if unknown
+    :param time_left: until its end according to the plan [s]
     """
 
     number: int
@@ -103,22 +99,17 @@ class DriveStatus:
     The status of a drive at one time.
 
     :param robot: the name of the robot; empty if not yet known
-    :param reason: why the motion ended early; None if it did not end early
-    :param topic: the topic of velocities, to which the robot must subscribe; empty if not yet
-        known
-    :param wait_left: how long the program will still wait for the robot [s]; None if this time is
-        over or unknown
-    :param step: the status of the current step; None if there is none
+    :param reason: why the motion ended early; None if it did not
+    :param topic: the topic of velocities; empty if not yet known
+    :param wait_left: how long the program still waits for the robot [s]; None if over or unknown
+    :param step: None if there is none
     :param duration: the planned duration of the motion [s]; None without a plan
-    :param time_left: the time until the end of the motion according to the plan [s]; 0 without a
-        plan
+    :param time_left: until the end of the motion by the plan [s]; 0 without a plan
     :param commanded: the last sent velocity; None if nothing was sent
-    :param odometry: the robot's velocity from odometry; None without odometry
-    :param odometry_age: the age of the last odometry sample [s]; 0 without odometry
-    :param factors: the speed factors below 1, by the name of their source, such as ``pause``; the
-        product of all speed factors is the speed relative to the plan
-    :param silent_for: the time since the last velocity was sent [s]; None if it is at most
-        EVENT_TIMEOUT (1 s), or if no motion is running
+    :param odometry: the velocity by odometry; None without it
+    :param odometry_age: the age of the last sample [s]; 0 without odometry
+    :param factors: the speed factors below 1, by the name of their source
+    :param silent_for: since the last velocity [s]; None up to EVENT_TIMEOUT (1 s), or at rest
     """
 
     state: DriveState
@@ -150,9 +141,7 @@ class DriveStatus:
         """
         Return how long a part of the plan takes at the current speed [s].
 
-        If the robot is kept at standstill, return how long it takes after that, at the speed from
-        the other factors.  If only several factors together keep it there, return the planned
-        duration.
+        In a hold, how long it takes after that, at the speed from the other factors.
         """
         speed = product({name: factor for name, factor in self.factors.items()
                          if not is_hold(factor)})
@@ -171,10 +160,7 @@ class StepOdometer:
     """
     Adds up how far the robot has moved since the start of the current step.
 
-    The display uses two objects of this class: one for the movement that follows from the sent
-    velocities, and one for the movement in odometry.
-
-    :param plan: the plan of the motion; if it is None, nothing is added up
+    :param plan: None: nothing is added up
     """
 
     def __init__(self, plan: Plan | None) -> None:
@@ -183,14 +169,9 @@ class StepOdometer:
 
     def update(self, duration: float, plan_time: float, displacement: Displacement) -> None:
         """
-        Add a movement of the robot.
+        Add a movement; if a step began in it, only the share since then, to a sum of 0.
 
-        If a new step began during the movement, the sum restarts at 0, and only a part of the
-        movement is added.  For example, if the step began in the middle of the duration, half of
-        the distance and half of the angle are added.
-
-        :param plan_time: the progress of the motion at the end of the movement, in seconds of its
-            plan
+        :param plan_time: that at the end of the movement [s]
         """
         if self._plan is None or not self._plan.steps:
             return
@@ -203,13 +184,7 @@ class StepOdometer:
                                  self._sum.angle + share * displacement.angle)
 
     def displacement(self, step: int) -> Displacement:
-        """
-        Return the distance and the angle that the robot has moved since the start of a step.
-
-        If the last added movement belongs to a different step, the distance and the angle are 0.
-
-        :param step: the index of the step in the plan, from 0
-        """
+        """Return the movement since the start of a step, by its index; 0 for any but the last."""
         return self._sum if step == self._step else NO_DISPLACEMENT
 
 
@@ -324,11 +299,7 @@ class DriveTracker:
                 velocity.linear_x * held, velocity.angular_z * held))
 
     def _plan_time(self, now: float) -> float:
-        """
-        Return the progress of the motion in seconds of its plan.
-
-        While the speed is reduced, the error is at most one period of the velocity messages.
-        """
+        """Return the plan time; below full speed it may be a period of the messages off."""
         own = self._own
         if own is None or own.plan_time is None:
             return 0.0
@@ -416,11 +387,7 @@ class DriveTracker:
 
 
 def _remaining_amount(total: float, done: float) -> float | None:
-    """
-    Return how much of a distance or of an angle remains, at least 0.
-
-    If the total is 0, return None.
-    """
+    """Return how much of a distance or an angle remains, at least 0; None if the total is 0."""
     if total == 0.0:
         return None
     return max(0.0, total - done if total > 0.0 else done - total)

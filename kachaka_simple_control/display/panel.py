@@ -57,11 +57,9 @@ _TEXTS = {
 
 def render_panel(console: Console, columns: int, status: DriveStatus, hint: str) -> list[str]:
     """
-    Return the lines of a panel that shows the status of a drive.
+    Return the ``HEIGHT`` lines of the panel, each narrower than the terminal.
 
-    There are ``HEIGHT`` lines, and each is narrower than the terminal.
-
-    :param console: the console of the library rich; it knows the available colours and characters
+    :param console: of rich; it knows the available colours and characters
     :param columns: the width of the terminal [columns]
     """
     # One column stays free, because a terminal may wrap a line of full width.

@@ -14,15 +14,10 @@
 """
 Start the display process of a driving program, draw in fixed terminal rows, and read single keys.
 
-The lowest rows of the terminal are excluded from scrolling.  Other programs write directly to the
-terminal, and their output scrolls above these fixed rows.  Each text for the fixed rows must be
-written in one call, so that no other output comes in between.
-
-A program should read keys only while it is in the foreground of the terminal.  The display process
-is never in the foreground.  So the driving program reads the keys, while it is in the foreground.
-
-The driving program imports this module.  So this module must load quickly, and does not use the
-library rich.
+The lowest rows of the terminal are excluded from scrolling, so that the output of other programs
+scrolls above them.  Each text for them must be written in one call.  Keys may be read in the
+foreground only, where the display process never is: the driving program reads them.  It imports
+this module, which must load quickly, without rich.
 """
 
 from __future__ import annotations
@@ -67,21 +62,13 @@ LINE_MODES = termios.ICANON | termios.ECHO
 
 
 def reserve_rows(rows: int, height: int) -> str:
-    """
-    Return the escape sequences that reserve fixed rows at the bottom of the terminal.
-
-    The escape sequences also clear the rows below the cursor.
-    """
+    """Return the escape sequences that reserve rows at the bottom, and clear below the cursor."""
     room = '\n' * height + f'\x1b[{height}A'
     return f'{_CLEAR_BELOW}{room}{_SAVE}\x1b[1;{rows - height}r{_RESTORE}'
 
 
 def draw_rows(rows: int, lines: Sequence[str]) -> str:
-    """
-    Return the text that draws fixed rows at the bottom of the terminal.
-
-    The text does not change the position of the cursor.
-    """
+    """Return the text that draws the rows at the bottom; the cursor stays where it is."""
     first = rows - len(lines) + 1
     drawn = ''.join(
         f'\x1b[{first + index};1H{_CLEAR_LINE}{line}' for index, line in enumerate(lines))
@@ -100,10 +87,8 @@ class DisplayProcess(SubscriberProcess):
     """
     Starts the process that displays a drive in the terminal, and ends it.
 
-    If the display is killed, this class restores the terminal at once, so that no outdated panel
-    remains.  If the display does not exit at the end of the drive, it is killed.  There is one
-    exception: if Ctrl+S blocks the terminal, the display keeps running, and clears the terminal
-    after Ctrl+Q.
+    If it is killed, the terminal is restored at once.  If it does not exit at the end of the
+    drive, it is killed, unless Ctrl+S blocks the terminal: then it clears that after Ctrl+Q.
     """
 
     def __init__(self) -> None:
@@ -113,13 +98,9 @@ class DisplayProcess(SubscriberProcess):
 
     def close(self, timeout: float) -> int | None:
         """
-        Close the pipe to the display process, and wait for the process to exit.
+        Close the pipe to the display, and wait for its exit code, at most 1 s.
 
-        If the process does not exit in time, it is killed, unless it waits for a terminal that
-        Ctrl+S has blocked.
-
-        :param timeout: the longest wait [s]; a value above 1 s has the effect of 1 s
-        :returns: the exit code; None if the process still waits for the terminal
+        :returns: None if it still waits for a terminal that Ctrl+S has blocked
         """
         if super().close(min(timeout, DISPLAY_EXIT_TIMEOUT)) is None:
             if not has_room(STDERR):
@@ -137,14 +118,12 @@ class DisplayProcess(SubscriberProcess):
 
 class Keyboard:
     """
-    A context manager that reads keys in a separate thread, and calls a function for each key.
+    Reads keys in a thread, and calls a function for each; a context manager.
 
-    If ``functions`` is empty, or standard input is not a terminal, it does nothing.
+    Without functions, or if standard input is no terminal, it does nothing.
 
-    :param functions: a dictionary from a character to the function that is called when the user
-        types it; other characters are ignored
-    :param warn: a function that takes a text; it is called with the text of a ControlError that
-        one of these functions raises
+    :param functions: by the character that is typed
+    :param warn: called with the text of a ControlError that one of them raises
     """
 
     def __init__(
@@ -223,13 +202,7 @@ def is_keyboard() -> bool:
 
 
 def set_line_modes(descriptor: int, is_on: bool) -> None:
-    """
-    Switch the line mode and the echo of a terminal on or off.
-
-    In line mode, a program reads whole lines.  Without it, a program reads each key at once.
-
-    :param is_on: True for whole lines with echo, False for single keys without echo
-    """
+    """Switch whole lines with echo on, or off for single keys without echo."""
     attributes = termios.tcgetattr(descriptor)
     modes = attributes[LOCAL_MODES]
     wanted = modes | LINE_MODES if is_on else modes & ~LINE_MODES

@@ -11,9 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Send the events of a drive to displays and recorders, without delaying the drive.
-
-An event is, for example, a sent velocity or a received odometry message.  Some displays and
-recorders run in this process, and others in processes of their own.
-"""
+"""Send the events of a drive to displays and recorders, without delaying the drive."""

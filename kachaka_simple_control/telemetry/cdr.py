@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Serialize velocities, odometry, paths and numbers as ROS 2 messages in CDR, without ROS.
-
-CDR is the format in which DDS transmits messages.
-"""
+"""Serialize velocities, odometry, paths and numbers as ROS 2 messages in CDR, without ROS."""
 
 from __future__ import annotations
 
@@ -41,11 +37,7 @@ COVARIANCE = (0.0,) * 36
 
 
 class CdrWriter:
-    """
-    Writes data in plain little-endian CDR, the format in which DDS transmits messages.
-
-    The position of each number in the message is a multiple of the number's size in bytes.
-    """
+    """Writes plain little-endian CDR; each number is aligned to its size."""
 
     def __init__(self) -> None:
         self.data = bytearray()
@@ -55,14 +47,7 @@ class CdrWriter:
         return ENCAPSULATION + bytes(self.data)
 
     def append(self, data: bytes, alignment: int = 1) -> CdrWriter:
-        """
-        Append zero bytes until the size is a multiple of the alignment, then append data.
-
-        :param data: the bytes to append
-        :param alignment: the position of the data in the message is a multiple of this number
-            [bytes]
-        :returns: this writer
-        """
+        """Append zero bytes up to an alignment [bytes], then data; return this writer."""
         self.data += bytes(-len(self.data) % alignment) + data
         return self
 
@@ -80,12 +65,7 @@ class CdrWriter:
         return self.uint32(len(data)).append(data)
 
     def header(self, time: int, frame: str) -> CdrWriter:
-        """
-        Append a ``std_msgs/msg/Header``, and return this writer.
-
-        :param time: the time stamp [ns]
-        :param frame: the name of the frame
-        """
+        """Append a ``std_msgs/msg/Header`` with a time stamp [ns], and return this writer."""
         return self.append(struct.pack('<iI', *divmod(time, NANO)), 4).string(frame)
 
     def velocity(self, velocity: Velocity) -> CdrWriter:
@@ -93,11 +73,7 @@ class CdrWriter:
         return self.doubles(velocity.linear_x, 0.0, 0.0, 0.0, 0.0, velocity.angular_z)
 
     def pose(self, pose: Pose) -> CdrWriter:
-        """
-        Append a pose as a ``geometry_msgs/msg/Pose``, and return this writer.
-
-        :param pose: the pose in the plane; its heading becomes a quaternion about the z axis
-        """
+        """Append a pose as a ``geometry_msgs/msg/Pose``, and return this writer."""
         half = pose.theta / 2.0
         return self.doubles(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
 
@@ -108,12 +84,7 @@ def twist(velocity: Velocity) -> bytes:
 
 
 def twist_stamped(velocity: Velocity, time: int, frame: str) -> bytes:
-    """
-    Return a velocity as a serialized ``geometry_msgs/msg/TwistStamped``.
-
-    :param time: the time stamp [ns]
-    :param frame: the frame in the header of the message
-    """
+    """Return a serialized ``geometry_msgs/msg/TwistStamped`` with a time stamp [ns]."""
     return CdrWriter().header(time, frame).velocity(velocity).message()
 
 
@@ -123,11 +94,7 @@ def float64(value: float) -> bytes:
 
 
 def odometry(pose: Pose, velocity: Velocity, time: int) -> bytes:
-    """
-    Return a pose and a velocity as a serialized ``nav_msgs/msg/Odometry``.
-
-    :param time: the time at which the odometry has arrived [ns], for the header
-    """
+    """Return a serialized ``nav_msgs/msg/Odometry`` with its time of arrival as stamp [ns]."""
     return (CdrWriter().header(time, ODOM).string(BASE)
             .pose(pose).doubles(*COVARIANCE)
             .velocity(velocity).doubles(*COVARIANCE).message())
@@ -135,11 +102,9 @@ def odometry(pose: Pose, velocity: Velocity, time: int) -> bytes:
 
 def read_odometry(data: bytes) -> tuple[bytes, int, Pose, Velocity]:
     """
-    Read the frame, the time stamp, the pose and the velocity of an Odometry message.
+    Read the frame, the time stamp [ns], the pose and the velocity of an Odometry message.
 
-    :param data: the serialized ``nav_msgs/msg/Odometry``, as a raw subscription receives it
-    :returns: the frame of the pose, the time stamp [ns], the pose with a heading (yaw) between
-        -pi and pi [rad], and the velocity
+    :returns: the heading of the pose is between -pi and pi [rad]
     """
     order = '<' if data[1] & 1 else '>'
     seconds, nanoseconds, length = struct.unpack_from(f'{order}iII', data, len(ENCAPSULATION))
@@ -151,32 +116,21 @@ def read_odometry(data: bytes) -> tuple[bytes, int, Pose, Velocity]:
 
 
 class PathSerializer:
-    """
-    Serializes single poses, and makes ``nav_msgs/msg/Path`` messages from serialized poses.
-
-    So each pose is serialized only once, even if it occurs in many messages of a growing path.
-
-    :param frame: the frame of all poses, for the headers
-    """
+    """Serializes poses once each, and makes ``nav_msgs/msg/Path`` messages of them."""
 
     def __init__(self, frame: str) -> None:
         self._frame = frame
 
     def pose(self, pose: Pose, time: int = 0) -> bytes:
         """
-        Serialize a pose, so that the result can be passed to ``path``.
+        Serialize a pose for ``path``.
 
         :param time: when the robot is at the pose [ns of ROS time]; 0 if unknown
-        :returns: the serialized pose with its time stamp and its frame
         """
         return bytes(CdrWriter().header(time, self._frame).pose(pose).data)
 
     def path(self, poses: Sequence[bytes], time: int) -> bytes:
-        """
-        Return a path as a serialized ``nav_msgs/msg/Path``.
-
-        :param time: the time stamp of the path [ns of ROS time]
-        """
+        """Return a serialized ``nav_msgs/msg/Path`` with a time stamp [ns of ROS time]."""
         writer = CdrWriter().header(time, self._frame).uint32(len(poses))
         if not poses:
             return writer.message()

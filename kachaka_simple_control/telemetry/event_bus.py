@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Use a separate thread to pass the events of a drive to displays and recorders.
-
-So a slow or faulty display or recorder does not delay the drive.
-"""
+"""Pass the events of a drive to its readers in a thread, so that none delays the drive."""
 
 from __future__ import annotations
 
@@ -41,9 +37,9 @@ CLOSE_TIMEOUT = 0.5
 @dataclass(eq=False)
 class _Reader:
     """
-    A reader of events: a function that is called with each event, for example to record it.
+    A function that is called with each event, for example to record it.
 
-    :param busy: the total run time of ``handle`` since the queue of events was last empty [s]
+    :param busy: its total run time since the queue of events was last empty [s]
     """
 
     handle: EventHandler
@@ -54,11 +50,7 @@ class _Reader:
 
 @dataclass(eq=False)
 class _Call:
-    """
-    An event that is being passed to readers, with the readers that have not got it yet.
-
-    A reader is a function that is called with each event.
-    """
+    """An event that is being passed to readers, with those that have not got it yet."""
 
     event: Event
     readers: list[_Reader]
@@ -72,10 +64,9 @@ class _Call:
 
     def next_reader(self) -> _Reader | None:
         """
-        Return the next reader that must be called with the event, and remove it from the list.
+        Take the next reader of the event; None if this thread has none left.
 
-        :returns: the reader; None if this thread has no reader left to call.  If one reader takes
-            too long, another thread calls the remaining readers
+        If one takes too long, another thread calls the remaining ones.
         """
         with self.lock:
             if self.is_abandoned or not self.readers:
@@ -86,17 +77,13 @@ class _Call:
 
 class EventBus:
     """
-    Passes events to readers; a reader is a function that is called with each event.
+    Passes events to readers, functions that are called with each event in a separate thread.
 
-    ``publish`` only puts an event into a queue, and a separate thread calls the readers.  So a
-    slow reader cannot delay a drive or a stop.
+    ``publish`` only puts an event into a queue.  A reader that raises an error is detached, and
+    the slowest one if more than MAX_WAITING events wait: the drive and the others continue.
+    ``bool(bus)`` is True if the bus has readers.
 
-    A reader that raises an error is detached: it gets no more events.  If more than MAX_WAITING
-    events wait in the queue, the slowest reader is detached.  The drive and the other readers
-    continue.  ``bool(bus)`` is True if the bus has readers.
-
-    :param on_detached: a function that is called when a reader is detached, with a text that names
-        the reader and the reason
+    :param on_detached: called with a text that names the reader and the reason
     """
 
     def __init__(self, on_detached: Callable[[str], None] = lambda _: None) -> None:
@@ -122,24 +109,18 @@ class EventBus:
             on_detached: Callable[[str], None] = lambda _: None,
             wants: Callable[[Event], bool] = lambda _: True) -> None:
         """
-        Add a reader: a function that is called with each event from now on.
+        Add a reader.
 
-        :param on_detached: a function that is called with the reason if the handler gets no more
-            events, because it has raised an error or is too slow; the output of the handler is
-            then incomplete
-        :param wants: a quick function, called in the thread that publishes an event, that returns
-            whether the handler needs the event.  An event that no handler needs is dropped at
-            once.  So without readers of velocities, no second thread wakes up for each velocity
+        :param on_detached: called with the reason if the reader gets no more events, for it has
+            raised an error or is too slow; its output is then incomplete
+        :param wants: a quick function, called in the thread that publishes, that returns whether
+            the reader needs an event; one that nobody needs wakes no second thread
         """
         with self._lock:
             self._readers = (*self._readers, _Reader(handler, on_detached, wants))
 
     def publish(self, event: Event) -> None:
-        """
-        Put an event into a queue, and return at once; the readers get it in another thread.
-
-        Any thread may call this method.
-        """
+        """Put an event into a queue, and return at once; any thread may call this."""
         for reader in self._readers:
             if reader.wants(event):
                 break
@@ -155,11 +136,7 @@ class EventBus:
             self._detach_slowest_reader()
 
     def flush(self, timeout: float = CLOSE_TIMEOUT) -> bool:
-        """
-        Wait until the readers have got all events that were published before this call.
-
-        :returns: whether the readers have got all these events in time
-        """
+        """Wait until the readers have got all events so far; return whether they have."""
         if self._thread is None:
             return True
         passed_on = threading.Event()

@@ -63,13 +63,7 @@ FINISH_TIMEOUT_WHEN_STOPPED = 1.0
 
 @dataclass(frozen=True)
 class Chunk:
-    """
-    One part of a pickled event.
-
-    An event is divided into parts if it is too large for one write to a pipe.
-
-    :param is_last: whether this is the last part of the event
-    """
+    """One part of a pickled event that is too large for one write to a pipe."""
 
     data: bytes
     is_last: bool
@@ -77,10 +71,9 @@ class Chunk:
 
 def encode(event: object) -> list[bytes]:
     """
-    Convert an event to packets of bytes, each of which is written to a pipe with one write.
+    Convert an event to packets, each of which is one write to a pipe.
 
-    A pipe accepts each packet either completely or not at all, so several threads may write
-    packets to the same pipe.  Most events need only one packet.
+    A pipe takes each packet whole or not at all, so several threads may write to it.
     """
     data = pickle.dumps(event, pickle.HIGHEST_PROTOCOL)
     if len(data) <= ATOMIC_WRITE_SIZE:
@@ -91,13 +84,7 @@ def encode(event: object) -> list[bytes]:
 
 
 def decode(stream: BinaryIO) -> Iterator[Any]:
-    """
-    Yield the events that were written to a pipe or a file, in the order of writing.
-
-    An incomplete event at the end is dropped.
-
-    :param stream: the reading end of the pipe, or the file
-    """
+    """Yield the events that were written to a pipe or a file, without half a one at the end."""
     chunks = b''
     while True:
         try:
@@ -116,14 +103,12 @@ class SubscriberProcess:
     """
     Starts a child process, and sends events to it over a pipe.
 
-    The child process belongs to its own POSIX session, so Ctrl+C does not reach it.  When the
-    parent process ends, the pipe is closed, so the child process detects the end.  If the child
-    process has ended or reads too slowly, no more events are sent to it.  While the robot moves,
-    ``send()`` never waits for the child process.
+    It has its own POSIX session, so Ctrl+C does not reach it; the end of the pipe shows it the end
+    of the parent.  If it has ended or reads too slowly, no more is sent.  While the robot moves,
+    ``send()`` never waits.
 
-    :param command: the command to run; it reads events from its standard input
-    :param stdout: the file for the standard output of the command; None for the standard output of
-        the parent process
+    :param command: reads events from its standard input
+    :param stdout: for its standard output; None for that of the parent process
     """
 
     def __init__(
@@ -149,14 +134,10 @@ class SubscriberProcess:
 
     def send(self, event: Event) -> None:
         """
-        Send an event to the process.
+        Send an event, unless the pipe is full or the process has ended: ``failure`` says why then.
 
-        If the pipe is full or the process has ended, this event and all later events are not sent,
-        and ``failure`` says why.
-
-        Some events first wait for room in a full pipe, for at most PLAN_WRITE_TIMEOUT.  These are
-        ``SessionStarted``, ``MotionPlanned`` and events that need several writes.  They are sent
-        only while the robot stands still.
+        Events at rest (``SessionStarted``, ``MotionPlanned``, those of several writes) wait for
+        room for up to PLAN_WRITE_TIMEOUT.
         """
         if self.failure is not None:
             return
@@ -172,21 +153,14 @@ class SubscriberProcess:
             self.failure = f'it is gone ({error.strerror})'
 
     def fail(self, reason: str) -> None:
-        """
-        Send no more events to the process.
-
-        :param reason: the reason, which is stored in ``failure`` if no reason is stored there yet
-        """
+        """Send no more events to the process; the first reason is kept in ``failure``."""
         self.failure = self.failure or reason
 
     def close(self, timeout: float) -> int | None:
         """
-        Close the pipe, and wait until the process has exited.
+        Close the pipe, and wait for the exit code; None if it still runs after the timeout.
 
         A process that is suspended for FROZEN_TIMEOUT during this wait is killed.
-
-        :param timeout: how long to wait at most [s]; a process that takes longer continues to run
-        :returns: the exit code of the process; None if it still runs
         """
         self._close()
         end, frozen = time.monotonic() + timeout, 0.0
@@ -226,10 +200,9 @@ class SubscriberProcess:
 
 class SubscriberProcesses:
     """
-    Manages all processes to which one program sends events; it is a context manager.
+    All processes to which one program sends events; a context manager.
 
-    At the end of the ``with`` block, it sends the event ``SessionEnded`` to each process, and
-    waits until the process has exited, but only for a limited time.
+    At the end of the block each gets ``SessionEnded``, and has a limited time to exit.
     """
 
     def __init__(self, event_bus: EventBus) -> None:
@@ -244,23 +217,14 @@ class SubscriberProcesses:
 
     def start(
             self, module: str, *arguments: str, pass_fds: Sequence[int] = ()) -> SubscriberProcess:
-        """
-        Run the function ``main`` of a module in a new process, and send all events to it.
-
-        :returns: the new process
-        """
+        """Run the function ``main`` of a module in a new process, and send all events to it."""
         subscriber = SubscriberProcess(
             [*processes.python_command(module), *arguments], pass_fds=pass_fds)
         self.add(subscriber)
         return subscriber
 
     def add(self, subscriber: SubscriberProcess) -> None:
-        """
-        Send all events from now on to a process that has already been started.
-
-        At the end of the ``with`` block, the pipe to each process is closed, in the order in which
-        the processes were added.
-        """
+        """Send all events from now on to a process; pipes are closed in the same order."""
         self._subscribers.append(subscriber)
         self._event_bus.subscribe(subscriber.send, subscriber.fail)
 
@@ -270,13 +234,9 @@ class SubscriberProcesses:
 
     def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         """
-        Send ``SessionEnded``, the last event, to all processes, and wait until they have exited.
+        Send ``SessionEnded`` to all processes, and wait until they have exited.
 
-        The wait for each process takes at most FINISH_TIMEOUT.  If a signal ends the program, it
-        takes at most FINISH_TIMEOUT_WHEN_STOPPED.
-
-        :param error: the error that ended the ``with`` block; None if the block ended without an
-            error
+        For each at most FINISH_TIMEOUT, or FINISH_TIMEOUT_WHEN_STOPPED after a signal.
         """
         self._event_bus.flush()
         ended = SessionEnded(
@@ -309,10 +269,9 @@ WRITE_TIMEOUT = 5.0
 
 class EventFile(SubscriberProcess):
     """
-    Stores the events of a drive in an unnamed temporary file; another process writes the file.
+    Stores the events of a drive in an unnamed temporary file, which another process writes.
 
-    The process that drives the robot does not keep the events in its memory.  Otherwise, Python's
-    garbage collector would search them during the motion, and some velocities would be sent late.
+    In memory, Python's garbage collector would search them in motion, and delay velocities.
     """
 
     def __init__(self) -> None:
@@ -322,13 +281,7 @@ class EventFile(SubscriberProcess):
         super().__init__([sys.executable, '-I', '-S', '-c', COPY], stdout=self._file)
 
     def close(self, timeout: float = WRITE_TIMEOUT) -> int | None:
-        """
-        Wait until all sent events are in the file, and accept no more events.
-
-        A second call has no effect.
-
-        :returns: the exit code of the process that writes the file; None if it still runs
-        """
+        """Wait until all events are in the file; return the writer's exit code, or None."""
         return super().close(timeout)
 
     def events(self) -> Iterator[Event]:
