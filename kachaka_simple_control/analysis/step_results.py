@@ -150,7 +150,7 @@ class Result:
 
 @dataclass(frozen=True)
 class FlowResult(Result):
-    """The displacement of the started steps of a flow, which is a run of steps without a stop."""
+    """The displacement of the started steps of a flow."""
 
     count: int
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Plots of a drive, which is one run of the robot.
+Plots of a drive.
 
 The plots show the path, the velocities, the errors of odometry, and the time intervals between
 velocity messages.  Another plot shows the result of a calibration.
@@ -85,7 +85,7 @@ PATH, VELOCITIES, ERRORS, PERIODS = 'path', 'velocities', 'errors', 'periods'
 @dataclass(frozen=True)
 class DrivePlots:
     """
-    The plots of a drive, which is one run of the robot.
+    The plots of a drive.
 
     :param svg: the plots as SVG elements for an HTML page; the key is the name of the plot
     :param png: the plot of the path as the content of a PNG file; empty if there is no such plot

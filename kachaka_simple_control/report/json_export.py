@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Export the results of a drive, which is one run of the robot, as JSON.
+Export the results of a drive as JSON.
 
 The file docs/report.md describes each field.
 """

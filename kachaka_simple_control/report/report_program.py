@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The program that records a drive, which is one run of the robot, and writes its report.
+The program that records a drive and writes its report.
 
 The program runs in its own process.  The driving program sends it the events of the drive over a
 pipe.

@@ -446,7 +446,7 @@ def describe_flow(flow: FlowResult) -> str:
     """
     Return a text about a flow, for the row below its last step.
 
-    :param flow: the result of the flow, which is a run of steps without a stop
+    :param flow: the result of the flow
     """
     return f'{pluralize(flow.count, "step")} without a stop'
 
