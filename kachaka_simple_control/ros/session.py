@@ -388,11 +388,11 @@ class Session:
         if self._guardian.stopped_because is not None:
             # The latch of the guardian blocks all motion of this program.
             raise errors.RunFaultError(
-                f'the guardian has stopped the robot ({self._guardian.stopped_because}); nothing '
-                'moves until this program is started again')
+                'nothing moves until this program is started again: the guardian stopped the '
+                f'robot: {self._guardian.stopped_because}')
         if self._guardian.has_ended:
             raise errors.RunFaultError(
-                'the guardian has ended; nothing moves until this program is started again')
+                'nothing moves until this program is started again: the guardian has ended')
 
     def close(self) -> None:
         """Stop and release the robot, end the threads of the node, refuse later motions."""

@@ -374,7 +374,7 @@ def test_a_parameter_that_is_refused_with_another_changes_no_speed(listener, obs
 
 @pytest.mark.parametrize('end, reason', [
     # As if this program were gone.
-    (lambda process: process._close(), 'the guardian has stopped the robot (the node is gone'),
+    (lambda process: process._close(), 'the guardian stopped the robot: the node is gone'),
     (lambda process: process._process.kill(), 'the guardian has ended')])
 def test_after_the_guardian_s_stop_or_end_requests_are_refused(listener, make, end, reason):
     node = make(guardian=True)
@@ -549,7 +549,7 @@ def test_a_pause_after_the_guardians_stop_is_refused(make):
     node = make()
     node.session._guardian.stopped_because = 'the node sent no heartbeat'
     for command in (node.pause, partial(node.commander.set_speed, 0.5)):
-        with pytest.raises(ControlError, match='the guardian has stopped the robot'):
+        with pytest.raises(ControlError, match='the guardian stopped the robot'):
             command()
 
 
