@@ -98,26 +98,25 @@ def limit_speeds(
     for index in reversed(range(len(legs))):
         one, two = junctions[index:index + 2]
         end = two.speed if two else 0.0 if index + 1 < len(legs) else last
-        limits = legs[index].limits
         if one:
             _limit_speed(
-                one, end, length_left(legs[index], None, two),
-                limits._replace(acceleration=limits.deceleration), is_end=False)
+                one, end, length_left(legs[index], None, two), legs[index].limits, is_end=False)
 
 
 def _limit_speed(
         junction: LegJunction, other: float, left: float, limits: PathLimits,
         is_end: bool) -> None:
     """Slow a junction down if the leg between it and a place with another speed is too short."""
+    if junction.speed <= other:
+        return
+    acceleration = limits.acceleration if is_end else limits.deceleration
+
     def is_too_fast(speed: float) -> bool:
         passed = junction.passed(speed)
-        return passed.speed > other and _distance(other, passed.speed, limits) > left - (
-            passed.before if is_end else passed.after)
+        return passed.speed > other and (
+            (other + passed.speed) / 2.0
+            * ramp(passed.speed - other, acceleration, limits.jerk).duration
+            > left - (passed.before if is_end else passed.after))
 
-    if junction.speed > other and is_too_fast(junction.speed):
+    if is_too_fast(junction.speed):
         junction.slow_down(bisection(other, junction.speed, is_too_fast, SPEED_BISECTIONS)[0])
-
-
-def _distance(start: float, end: float, limits: PathLimits) -> float:
-    """Return the distance needed to change from one speed to a higher one [m]."""
-    return (start + end) / 2.0 * ramp(end - start, limits.acceleration, limits.jerk).duration

@@ -295,10 +295,11 @@ def _join(items: Sequence[_Item], limits: Limits, rate: float) -> list[_Item]:
         planned = plan_flow([parts[index] for index in flow], limits, rate)
         for index, step in zip(flow, planned):
             item = items[index]
-            joined[index] = known.setdefault(
-                (id(item), *map(id, step.trajectories), step.cut, step.joins_next), replace(
-                    item, trajectories=step.trajectories, cut=step.cut,
-                    joins_next=step.joins_next))
+            key = (id(item), *map(id, step.trajectories), step.cut, step.joins_next)
+            if key not in known:
+                known[key] = replace(item, trajectories=step.trajectories, cut=step.cut,
+                                     joins_next=step.joins_next)
+            joined[index] = known[key]
     return joined
 
 
