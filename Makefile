@@ -3,7 +3,7 @@
 # DOCS    the form that the documentation is built in: html, or linkcheck to try outer links too
 # PYTHON  the Python to use, 3.10 or newer; of several, as in PYTHON='python3.13 python3', the first that is here
 # DISTRO  the ROS 2 to take from PyPI where none is sourced: jazzy (as by default) or kilted
-# QUICK   anything: bench, stop-matrix, console-matrix, lossy-link measure little, in minutes; docs stay as they are
+# QUICK   anything: bench, stop-matrix, console-matrix measure little, in minutes; docs stay as they are
 # MARKED  which tests: `ros`, `not ros`, `slow` ...; all by default, but for documents (make docs)
 # WORKERS how many processes share the real-time tests, which mostly wait; 0: one after the other
 # NO_BARS anything: bench does not fail when a threshold is missed
@@ -23,7 +23,7 @@ unexport PYTHONDONTWRITEBYTECODE
 AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 
 .DEFAULT_GOAL := help
-.PHONY: help run console test test-all test-lowest check floor bench stop-matrix console-matrix lossy-link mutants \
+.PHONY: help run console test test-all test-lowest check floor bench stop-matrix console-matrix mutants \
     colcon docs setup browser lock clean
 
 help:  ## print this list
@@ -70,9 +70,6 @@ stop-matrix: setup  ## let everything happen to a program that drives: an hour; 
 
 console-matrix: setup  ## let everything happen to the console and its browser: 40 minutes; QUICK=1: 2
 	$(VENV)/bin/python -m benchmarks.console_matrix $(if $(QUICK),--quick)
-
-lossy-link: setup  ## stop and move over a bad link, as root: half an hour; QUICK=1: minutes
-	$(VENV)/bin/python -m benchmarks.lossy_link $(if $(QUICK),--quick)
 
 mutants: setup  ## break the package on purpose, see that tests notice: 10 minutes; QUICK=1: pure ones, 2
 	$(VENV)/bin/python tools/mutants/run.py --jobs 2 $(if $(QUICK),--pure)

@@ -24,11 +24,9 @@ import time
 from typing import Any
 
 from benchmarks import ROOT
-from benchmarks.figures import figures
-from benchmarks.run import RESULTS, save, today, write_measured
-from benchmarks.scale import FULL, QUICK, Scale
+from benchmarks.figures import figures, judge
+from benchmarks.run import FULL, QUICK, RESULTS, save, Scale, today, write_measured
 from benchmarks.tables import Table, tables
-from benchmarks.thresholds import judge
 from program import restore_signals
 from ros_domain import isolate_ros
 

@@ -22,20 +22,79 @@ from typing import Any
 
 from kachaka_simple_control.analysis.message_timing import median, quantile
 
+BOTH = 'SIGINT or SIGTERM to first zero'
+MANY = 'SIGINT to first zero, many in one process'
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """
+    The upper limit of one of this package's figures.
+
+    :param relative_to: the loop whose figure the limit is relative to; None for an absolute limit
+    """
+
+    what: str
+    limit: float
+    relative_to: str | None = None
+
+
+THRESHOLDS = (
+    Threshold('displacement error, median, at 10 Hz', 0.1),
+    Threshold('displacement error, worst, at 10 Hz', 0.5),
+    Threshold('CPU a command, the loop, at 100 Hz', 0.5, 'lesson'),
+    Threshold(f'{BOTH}, worst', 20.0),
+    Threshold(f'{MANY}, p99', 20.0),
+    Threshold('SIGKILL to first zero, worst', 50.0),
+    Threshold('SIGSTOP to first zero, worst', 150.0),
+    Threshold('later match to t = 0, worst', 1.0),
+    Threshold('start to t = 0, worst', 4.0),
+    Threshold('planning at 50 Hz, 1 h of motion', 1.0),
+)
+
+
+@dataclass(frozen=True)
+class ThresholdResult:
+    """
+    The result of checking a run against a threshold.
+
+    :param value: the run's figure; None if not measured
+    :param limit: the limit in the figure's unit; None if not measured
+    """
+
+    threshold: Threshold
+    value: float | None
+    limit: float | None
+    unit: str
+
+    @property
+    def is_met(self) -> bool:
+        """Return whether the threshold is met; False if the figure was not measured."""
+        return self.value is not None and self.limit is not None and self.value <= self.limit
+
+
+def judge(found: Sequence[Figure]) -> list[ThresholdResult]:
+    """Compare the figures of a run with the thresholds; return a result for each."""
+    return [_judge_one(found, threshold) for threshold in THRESHOLDS]
+
+
+def _judge_one(found: Sequence[Figure], threshold: Threshold) -> ThresholdResult:
+    units = [figure.unit for figure in found if figure.what == threshold.what]
+    limit: float | None = threshold.limit
+    if threshold.relative_to is not None:
+        other = find(found, threshold.what, threshold.relative_to)
+        limit = None if other is None else threshold.limit * other
+    value = find(found, threshold.what, 'ours')
+    return ThresholdResult(threshold, value, limit, units[0] if units else '')
+
+
 #: The value of an event that never came.
 NEVER = math.inf
 
 
 @dataclass(frozen=True)
 class Figure:
-    """
-    A measured value with its name.
-
-    :param what: the measured quantity
-    :param loop: the name of the measured loop
-    :param value: the value in the unit; infinite for an event that never came
-    :param unit: the unit
-    """
+    """A measured value with its name."""
 
     what: str
     loop: str
@@ -57,12 +116,7 @@ def find(found: Sequence[Figure], what: str, loop: str) -> float | None:
 
 
 def where(rate: int, busy: int) -> str:
-    """
-    Return the part of a figure's name that describes rate and load.
-
-    :param rate: the rate of the loop [Hz]
-    :param busy: the number of busy processes that load the machine
-    """
+    """Return the part of a figure's name that describes rate and load."""
     return f'at {rate} Hz' + (', loaded' if busy else '')
 
 

@@ -51,14 +51,7 @@ def serve(loop: Loop, meter: ResourceMeter) -> None:
 
 def measure_movements(
         loop: Loop, meter: ResourceMeter, durations: list[float]) -> dict[str, object]:
-    """
-    Move forward and backward alternately, until a fault.
-
-    :param loop: the loop that moves the robot
-    :param meter: the meter of the used resources
-    :param durations: the durations of the movements [s]
-    :returns: the used resources, and the faults
-    """
+    """Move forward and backward alternately, until a fault."""
     faults: list[str] = []
     with meter:
         for count, duration in enumerate(durations):
@@ -97,13 +90,10 @@ def signals(rate: float, namespace: str) -> None:
     """
     Move until a signal, then move again with a new node, and repeat.
 
-    A new node is necessary, because a signal stops a node permanently.
-    The program's own signal handler keeps the process alive.  The node handles each signal as in
-    a program without a handler.  There is no guardian: it does not affect the measurement, and
-    starting hundreds of guardians would take ten minutes.
-
-    :param rate: the rate of velocity messages [Hz]
-    :param namespace: the namespace of the robot
+    A new node is necessary, because a signal stops a node permanently. The program's own signal
+    handler keeps the process alive. The node handles each signal as in a program without a
+    handler. There is no guardian: it does not affect the measurement, and starting hundreds of
+    guardians would take ten minutes.
     """
     signal.signal(signal.SIGINT, lambda *_: None)
     while True:

@@ -26,7 +26,7 @@ import threading
 import time
 from typing import Protocol
 
-from benchmarks.nanosleep import BILLION, sleep_until  # noqa: I100
+from benchmarks.resource_usage import BILLION, sleep_until  # noqa: I100
 from geometry_msgs.msg import Twist
 from kachaka_simple_control import ControlError, KachakaSimpleControl
 import rclpy
@@ -68,13 +68,7 @@ class Loop(Protocol):
 
 
 class Ours:
-    """
-    The node of this package, used through its public API.
-
-    :param rate: the rate of velocity messages [Hz]
-    :param namespace: the namespace of the robot
-    :param parameters: other parameters of the node
-    """
+    """The node of this package, used through its public API."""
 
     def __init__(self, rate: float, namespace: str, **parameters: object) -> None:
         wanted = {'rate': rate, 'robot_namespace': f'/{namespace}', **parameters}

@@ -15,12 +15,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+import contextlib
 from importlib import metadata
 import os
 from pathlib import Path
 import platform
+import subprocess
+import sys
 
 from kachaka_simple_control.version import ros_distro
+
+#: The program of a busy process, which ends by itself, also if its parent was killed.
+WORK = """
+import sys, time
+end = time.monotonic() + float(sys.argv[1])
+while time.monotonic() < end:
+    pass
+"""
+
+
+@contextlib.contextmanager
+def busy(count: int, max_duration: float = 600.0) -> Iterator[None]:
+    """Run busy processes during the ``with`` block, for a longest duration [s]."""
+    processes = [
+        subprocess.Popen([sys.executable, '-c', WORK, str(max_duration)]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
 
 PACKAGES = ('rclpy', 'ros-rmw-fastrtps-cpp', 'ros-fastrtps', 'geometry_msgs')
 

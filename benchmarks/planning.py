@@ -55,10 +55,8 @@ def measure_planning(lengths: Sequence[int], tries: int = TRIES) -> list[dict[st
     """
     Measure the time and the memory of planning.
 
-    :param lengths: the approximate durations of the motions [s]
-    :param tries: the number of plans of each motion
-    :returns: for each motion the number of steps and segments, its duration [s], the shortest
-        time to plan it [s], and the peak memory of planning [MB]
+    :returns: for each motion the number of steps and segments, its duration [s], the shortest time
+        to plan it [s], and the peak memory of planning [MB]
     """
     entries = []
     for length in lengths:
@@ -142,8 +140,6 @@ def constant_speed(steps: Sequence[Step]) -> float:
     Return the duration of a motion with curves at constant speed as corners [s].
 
     The curve is as fast as the tolerance and half of each leg allow.
-
-    :param steps: legs and turns of 90 degrees or less, a leg first
     """
     legs = [step.path()[0] for step in steps if isinstance(step, Forward)]
     turns = [step.path()[0] for step in steps if isinstance(step, Turn)]
@@ -179,9 +175,8 @@ def measure_exactness(rates: Sequence[int] = RATES) -> list[dict[str, Any]]:
     """
     Compute the displacement of an ideal robot for each goal, profile, rate and method.
 
-    :param rates: the rates of velocity messages [Hz]
-    :returns: for each case the requested displacement, the smallest result and the largest
-        result [m or rad]
+    :returns: for each case the requested displacement, the smallest result and the largest result
+        [m or rad]
     """
     entries = []
     for (name, goal), shape, rate, method in product(GOALS.items(), SHAPES, rates, METHODS):

@@ -15,6 +15,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import errno
 import os
 from pathlib import Path
 import time
@@ -22,6 +24,32 @@ from typing import Any
 
 from program import children_of
 from rclpy.publisher import Publisher
+
+TIMER_ABSTIME = 1
+BILLION = 1_000_000_000
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = [('seconds', ctypes.c_long), ('nanoseconds', ctypes.c_long)]
+
+
+_sleep = ctypes.CDLL(None).clock_nanosleep
+_sleep.argtypes = [
+    ctypes.c_int, ctypes.c_int, ctypes.POINTER(_Timespec), ctypes.POINTER(_Timespec)]
+
+
+def sleep_until(deadline: int) -> None:
+    """
+    Sleep until a time on the clock of ``time.monotonic_ns`` [ns].
+
+    :raises OSError: if the system call fails
+    """
+    request = _Timespec(*divmod(deadline, BILLION))
+    code = errno.EINTR
+    while code == errno.EINTR:
+        code = _sleep(time.CLOCK_MONOTONIC, TIMER_ABSTIME, ctypes.byref(request), None)
+    if code:
+        raise OSError(code, os.strerror(code))
 
 
 class ResourceMeter:

@@ -17,10 +17,37 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 import itertools
+import sys
 import time
+from typing import Any
 
+from benchmarks import ROOT
 from benchmarks.wire import Row
 from listener import Listener
+from program import JsonProcess
+
+
+class LoopProcess(JsonProcess):
+    """The process of one loop."""
+
+    def __init__(self, name: str, mode: str, rate: float, namespace: str) -> None:
+        self.name = name
+        self.started = time.time()
+        super().__init__([
+            sys.executable, '-m', 'benchmarks.loop_process', name, mode, str(rate), namespace],
+            cwd=ROOT)
+
+    def move(self, durations: list[float]) -> dict[str, Any]:
+        """Make the loop move for durations [s]; return the used resources and the faults."""
+        self.write(durations)
+        costs: dict[str, Any] = self.read(20.0 + 3.0 * sum(durations))
+        return costs
+
+    def wait(self, timeout: float) -> None:
+        """Wait until the process ends by itself; print its output if it fails."""
+        if self.end(timeout) != 0:
+            print(f'\n{self.name} ended with {self.process.returncode}; {self}')
+
 
 #: The time between the start of a robot and the start of a program [s].
 SETTLING_TIME = 2.0
@@ -63,13 +90,7 @@ def new_namespace() -> str:
 
 
 def robots(count: int, lasting: bool) -> Iterator[Robot]:
-    """
-    Yield a robot for each of several programs, when the robot is ready.
-
-    :param count: the number of programs
-    :param lasting: whether one robot serves all programs; False if programs are killed, because
-        each program then needs its own robot
-    """
+    """Yield a robot for each of several programs, when the robot is ready."""
     for _ in range(1 if lasting else count):
         with Robot() as robot:
             time.sleep(SETTLING_TIME)

@@ -15,12 +15,56 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from datetime import datetime, timezone
 import json
 from pathlib import Path
+import sys
 from typing import Any
 
 from benchmarks import ROOT
+
+
+@dataclass(frozen=True)
+class Scale:
+    """
+    The number of measurements of each kind.
+
+    :param moves: the number of 1 s movements of each loop, by rate [Hz]
+    :param loaded: the number of 1 s movements of each loop on a loaded machine, by rate [Hz]
+    """
+
+    moves: dict[int, int]
+    loaded: dict[int, int]
+    busy: int
+    turn: int
+    starts: int
+    killed: int
+    others: int
+    signals: int
+    firsts: int
+    late: int
+    plans: tuple[int, ...]
+
+
+FULL = Scale(
+    moves={10: 50, 20: 50, 50: 50, 100: 50, 200: 5, 500: 5, 1000: 5},
+    loaded={10: 5, 100: 5}, busy=2, turn=10, starts=20, killed=20, others=6, signals=200,
+    firsts=6, late=3, plans=(360, 3600, 36000))
+#: The scale for a short run, and for continuous integration.
+QUICK = Scale(
+    moves={10: 4, 100: 4, 1000: 1},
+    loaded={100: 2}, busy=2, turn=2, starts=3, killed=2, others=1, signals=10,
+    firsts=1, late=1, plans=(360, 3600))
+
+
+def show(text: str, number: int, count: int) -> None:
+    """Print a text with number and count, in place on a terminal; elsewhere only at the end."""
+    if sys.stdout.isatty():
+        print(f'\r{text}: {number} of {count}', end='' if number < count else '\n', flush=True)
+    elif number == count:
+        print(f'{text}: {count}', flush=True)
+
 
 RESULTS = ROOT / 'benchmarks' / 'results'
 BEGIN = '<!-- measured: written by make bench, changes here are lost -->'

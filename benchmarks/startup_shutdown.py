@@ -22,11 +22,9 @@ import signal
 import time
 from typing import Any
 
-from benchmarks.load import busy
-from benchmarks.process import LoopProcess
-from benchmarks.progress import show
-from benchmarks.robot import new_namespace, Robot, robots
-from benchmarks.scale import Scale
+from benchmarks.machine import busy
+from benchmarks.robot import LoopProcess, new_namespace, Robot, robots
+from benchmarks.run import Scale, show
 from benchmarks.wire import displacement, movements
 
 RATE = 10
@@ -56,14 +54,7 @@ def measure_starts(scale: Scale) -> list[dict[str, Any]]:
 
 
 def stopped(name: str, names: Sequence[str], load: int) -> list[dict[str, Any]]:
-    """
-    Start a program for each signal, and send it the signal during a motion.
-
-    :param name: the name of the loop
-    :param names: the names of the signals
-    :param load: the number of busy processes that load the machine
-    :returns: an entry for each process
-    """
+    """Start a program for each signal, and send it the signal during a motion."""
     entries = []
     end_well = name == 'ours' and not set(names) & set(UNCATCHABLE)
     for number, (robot, signum) in enumerate(zip(robots(len(names), end_well), names), 1):
@@ -82,9 +73,6 @@ def start_of(process: LoopProcess, robot: Robot, mark: int) -> dict[str, float |
     """
     Wait for the first velocity of a program that was just started.
 
-    :param process: the program
-    :param robot: its robot
-    :param mark: the number of messages that the robot received before
     :returns: the time from the start of the process to t = 0, and from the last match to t = 0
         [s]; a match is the discovery of the robot by the program or its guardian, or of a
         publisher by the robot

@@ -20,8 +20,16 @@ from dataclasses import dataclass
 import math
 from typing import Any, TypeVar
 
-from benchmarks.figures import Figure, figures, find, signal_groups, where, zeros
-from benchmarks.thresholds import judge, ThresholdResult
+from benchmarks.figures import (
+    Figure,
+    figures,
+    find,
+    judge,
+    signal_groups,
+    ThresholdResult,
+    where,
+    zeros,
+)
 from kachaka_simple_control.analysis.message_timing import median
 
 TrialT = TypeVar('TrialT')
@@ -58,15 +66,7 @@ def trial_table(
         title: str, head: tuple[str, ...], expectations: Sequence[Any],
         trials: Mapping[str, Sequence[TrialT]],
         row: Callable[[Any, Sequence[TrialT]], tuple[str, ...]]) -> Table:
-    """
-    Return the table of a matrix of trials; rows without trials are left out.
-
-    :param title: the title
-    :param head: the names of the columns
-    :param expectations: the rows, in order; ``what`` names each
-    :param trials: the trials by the name of the row
-    :param row: a function that returns the cells of a row
-    """
+    """Return the table of a matrix of trials; rows without trials are left out."""
     return Table(title, head, tuple(
         row(expectation, trials[expectation.what]) for expectation in expectations
         if trials.get(expectation.what)))

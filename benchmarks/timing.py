@@ -22,12 +22,10 @@ import time
 from typing import Any
 
 from benchmarks.figures import where
-from benchmarks.load import busy
 from benchmarks.loops import LOOPS
-from benchmarks.process import LoopProcess
-from benchmarks.progress import show
-from benchmarks.robot import Robot
-from benchmarks.scale import Scale
+from benchmarks.machine import busy
+from benchmarks.robot import LoopProcess, Robot
+from benchmarks.run import Scale, show
 from benchmarks.wire import jitters, movements, relative_error, Row, ticks
 from kachaka_simple_control.analysis.message_timing import quantile
 
@@ -56,12 +54,6 @@ def at_rate(rate: int, count: int, turn: int, load: int) -> list[dict[str, Any]]
 
     The loops take turns in a changing order, so that other work of the machine affects all loops
     equally.
-
-    :param rate: the rate [Hz]
-    :param count: the number of movements of each loop
-    :param turn: the number of movements of each turn
-    :param load: the number of busy processes that load the machine
-    :returns: an entry for each loop
     """
     statistics = {name: LoopStatistics(name, rate, load) for name in LOOPS}
     with loop_processes(rate) as started, busy(load):
@@ -93,13 +85,7 @@ def loop_processes(rate: int) -> Iterator[list[tuple[LoopProcess, Robot]]]:
 
 
 class LoopStatistics:
-    """
-    The measurements of one loop at one rate.
-
-    :param name: the name of the loop
-    :param rate: its rate [Hz]
-    :param load: the number of busy processes that load the machine
-    """
+    """The measurements of one loop at one rate."""
 
     def __init__(self, name: str, rate: int, load: int) -> None:
         self._head = {'loop': name, 'rate': rate, 'busy': load}

@@ -33,13 +33,7 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True)
 class Ticks:
-    """
-    The number of ticks of a movement; a tick is due every period from the first message on.
-
-    :param due: the number of all ticks
-    :param late: the number of ticks whose nearest message is a quarter of a period or more away
-    :param lost: the number of ticks without a message within half a period
-    """
+    """The number of ticks of a movement; a tick is due every period from the first message on."""
 
     due: int
     late: int
@@ -47,12 +41,7 @@ class Ticks:
 
 
 def movements(rows: Iterable[Row]) -> list[list[Row]]:
-    """
-    Split messages into movements; a movement has one nonzero velocity.
-
-    :param rows: the messages, in order of time
-    :returns: the messages of each movement, with the next message, which ends it, if there is one
-    """
+    """Split messages into movements; a movement has one nonzero velocity."""
     found: list[list[Row]] = []
     current: list[Row] | None = None
     for row in rows:
@@ -67,42 +56,22 @@ def movements(rows: Iterable[Row]) -> list[list[Row]]:
 
 
 def displacement(rows: Sequence[Row]) -> float:
-    """
-    Return the displacement of a receiver that holds each velocity until the next message [m].
-
-    :param rows: the messages, in order; the last message only ends the one before it
-    """
+    """Return the displacement of who holds each velocity until the next message [m]."""
     return math.fsum(one.velocity * (two.time - one.time) for one, two in pairwise(rows))
 
 
 def relative_error(rows: Sequence[Row], duration: float) -> float:
-    """
-    Return the relative error of the displacement of a movement; positive if too long.
-
-    :param rows: the messages of the movement, and the message that ended it
-    :param duration: the requested duration of the movement [s]
-    """
+    """Return the relative error of the displacement of a movement; positive if too long."""
     return displacement(rows) / (rows[0].velocity * duration) - 1.0
 
 
 def jitters(rows: Sequence[Row], period: float) -> list[float]:
-    """
-    Return the absolute differences between the message intervals and the period [s].
-
-    :param rows: the messages of a movement, and the message that ended it, which is not a tick
-    :param period: the time between two ticks [s]
-    """
+    """Return the absolute differences between the message intervals and the period [s]."""
     return [abs(two.time - one.time - period) for one, two in pairwise(rows[:-1])]
 
 
 def ticks(rows: Sequence[Row], period: float, duration: float) -> Ticks:
-    """
-    Count the ticks of a movement.
-
-    :param rows: the messages of the movement, and the message that ended it
-    :param period: the time between two ticks [s]
-    :param duration: the requested duration of the movement [s]
-    """
+    """Count the ticks of a movement."""
     due = round(duration / period)
     nearest = [math.inf] * due
     for row in rows[:-1]:

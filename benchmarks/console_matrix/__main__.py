@@ -24,8 +24,7 @@ import time
 from typing import Any
 
 from benchmarks import ROOT
-from benchmarks.console_matrix.table import matrix
-from benchmarks.console_matrix.trial import find_violations, LOAD_FACTOR, Trial
+from benchmarks.console_matrix.trial import find_violations, LOAD_FACTOR, matrix, Trial
 from benchmarks.run import RESULTS, today, write_measured
 from benchmarks.tables import Table
 import chromium

@@ -21,6 +21,7 @@ import os
 from pathlib import Path
 import shutil
 import signal
+import subprocess
 import tempfile
 import time
 from typing import Any
@@ -30,6 +31,34 @@ import chromium
 from console.page_browser import Page
 from selenium.common.exceptions import WebDriverException
 from waiting import poll
+
+PROGRAMS = ('Xvfb', 'openbox')
+SIZE = '1280x900x24'
+SCREEN_IS_HERE = all(map(shutil.which, PROGRAMS))
+SCREEN_MISSING = f'needs {" and ".join(PROGRAMS)}: make browser'
+
+
+class Screen:
+    """A virtual X11 screen with a window manager."""
+
+    def __init__(self) -> None:
+        reading, writing = os.pipe()
+        self._server = subprocess.Popen(
+            ['Xvfb', '-displayfd', str(writing), '-screen', '0', SIZE, '-nolisten', 'tcp'],
+            pass_fds=[writing], stderr=subprocess.DEVNULL)
+        os.close(writing)
+        with os.fdopen(reading) as stream:
+            self.display = f':{stream.readline().strip()}'
+        self._manager = subprocess.Popen(
+            ['openbox'], env={**os.environ, 'DISPLAY': self.display}, stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL)
+
+    def close(self) -> None:
+        """End the window manager and the screen."""
+        for process in (self._manager, self._server):
+            process.terminate()
+            process.wait()
+
 
 #: How long the page may take for anything [s].
 PATIENCE = 20.0
@@ -109,7 +138,6 @@ class Browser:
         """
         Take the robot with the page.
 
-        :param address: the address of the page
         :raises RuntimeError: if the page does not get the robot
         """
         page = Page(self.driver, address)

@@ -39,11 +39,7 @@ EXIT_TIMEOUT = 12.0
 
 
 class ConsoleRun:
-    """
-    A console process with its drive process and robot, the proxy before it, and the observer.
-
-    :param options: further options of the console
-    """
+    """A console with its drive process and robot, the proxy before it, and the observer."""
 
     def __init__(self, *options: str) -> None:
         self.domain = claim_domain()
@@ -110,13 +106,7 @@ def descendants(pid: int) -> list[int]:
 
 
 def end_processes(pids: list[int], timeout: float) -> list[int]:
-    """
-    Wait for the end of processes, and kill those that do not end.
-
-    :param pids: their ids
-    :param timeout: how long to wait [s]
-    :returns: the ids of those that did not end by themselves
-    """
+    """Wait for the end of processes, and kill those that do not end."""
     poll(lambda: not any(map(is_running, pids)), timeout, 0.02)
     left = [*filter(is_running, pids)]
     for pid in left:
@@ -126,12 +116,6 @@ def end_processes(pids: list[int], timeout: float) -> list[int]:
 
 
 def time_until(condition: object, began: float, timeout: float) -> float | None:
-    """
-    Return how long a condition took to become true [s]; None if it did not.
-
-    :param condition: a function without arguments
-    :param began: when the time began [s, system clock]
-    :param timeout: the longest time [s]
-    """
+    """Return how long a condition took to become true [s]; None if it did not."""
     assert callable(condition)
     return time.time() - began if poll(condition, began + timeout - time.time()) else None

@@ -18,16 +18,51 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+import os
 import random
+import shutil
 import signal
+import subprocess
 import time
 
-from benchmarks.console_matrix import firewall, screen
+from benchmarks.console_matrix.browser import SCREEN_MISSING
 from benchmarks.console_matrix.console_run import end_processes, time_until
 from benchmarks.console_matrix.proxy import Proxy
 from benchmarks.console_matrix.stage import Stage
 from benchmarks.console_matrix.trial import Expectation, hand_trial, SpoiltError, Trial
 from kachaka_simple_control.control.processes import is_running
+
+TABLE = 'inet kachaka_console_matrix'
+
+
+def firewall_missing() -> str:
+    """Return what is needed to cut a link; empty if all is there."""
+    if shutil.which('nft') is None:
+        return 'needs nft: make browser'
+    if os.geteuid() != 0:
+        return 'needs root for nftables'
+    result = subprocess.run(
+        ['nft', 'list', 'tables'], capture_output=True, text=True, check=False)
+    return result.stderr.strip()
+
+
+@contextmanager
+def cut_packets(address: str, port: int) -> Iterator[float]:
+    """Drop all packets to and from an address and a port during a ``with`` block."""
+    rules = f"""
+        table {TABLE} {{
+            chain output {{
+                type filter hook output priority 0;
+                ip daddr {address} tcp dport {port} drop
+                ip saddr {address} tcp sport {port} drop
+            }}
+        }}"""
+    subprocess.run(['nft', '-f', '-'], input=rules, text=True, check=True)
+    try:
+        yield time.time()
+    finally:
+        subprocess.run(['nft', 'delete', 'table', *TABLE.split()], check=True)
+
 
 #: How long the hand drives before the fault [s].
 TIME_TO_FAULT = (0.6, 0.9)
@@ -48,12 +83,8 @@ class Injected:
     """
     An injected fault.
 
-    :param time: when it was injected [s, system clock]
     :param effect: from when on the console can pass nothing on [s, system clock]; None if the
         fault is on the way to it
-    :param broken: a sentence for each violation that was seen meanwhile
-    :param note: what else was seen
-    :param not_tried: why it could not be injected
     """
 
     time: float
@@ -68,13 +99,7 @@ Fault = Callable[[Stage], Injected]
 
 @dataclass(frozen=True)
 class HandRow:
-    """
-    A row in which the page drives by a held key when a fault comes.
-
-    :param expectation: the expected result, with the name of the row
-    :param inject: injects the fault
-    :param has_windows: whether the browser has windows
-    """
+    """A row in which the page drives by a held key when a fault comes."""
 
     expectation: Expectation
     inject: Fault
@@ -198,14 +223,7 @@ def lose_release(stage: Stage) -> Injected:
 def _for_a_while(
         stage: Stage, begin: Callable[[], object], end: Callable[[], object],
         wanted: str) -> Injected:
-    """
-    Begin something that the browser tells the page, and end it later.
-
-    :param stage: the stage
-    :param begin: begins it
-    :param end: ends it
-    :param wanted: the type of the event that the page gets; without it nothing was tried
-    """
+    """Begin something that the browser tells the page, and end it later."""
     fault = time.time()
     begin()
     time.sleep(FREEZE)
@@ -221,7 +239,7 @@ def _with_events(stage: Stage, injected: Injected, wanted: str) -> Injected:
     if wanted not in seen:
         injected.not_tried = (
             f'the browser told the page nothing of it (no real event {wanted!r}); without windows '
-            f'it does not: it {screen.MISSING}')
+            f'it does not: it {SCREEN_MISSING}')
     return injected
 
 
@@ -236,9 +254,9 @@ def cut_link(stage: Stage) -> Injected:
 
 def cut_link_by_firewall(stage: Stage) -> Injected:
     """Drop all packets between browser and console, and let them pass again later."""
-    if reason := firewall.missing():
+    if reason := firewall_missing():
         return Injected(time.time(), not_tried=reason)
-    with firewall.cut(Proxy.ADDRESS, stage.console.port) as fault:
+    with cut_packets(Proxy.ADDRESS, stage.console.port) as fault:
         stage.browser.repeat(FREEZE)
     stage.browser.repeat(SETTLING_TIME)
     return Injected(fault)

@@ -15,15 +15,67 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import contextlib
 from dataclasses import dataclass
 import json
+import os
 import selectors
 import socket
+import struct
 import threading
 import time
 
-from benchmarks.console_matrix.frames import FrameReader, TEXT
+TEXT, CLOSE, PING, PONG = 1, 8, 9, 10
+
+
+def frame(payload: bytes, opcode: int = TEXT) -> bytes:
+    """Return a frame of a client, which is masked."""
+    size, mask = len(payload), os.urandom(4)
+    if size < 126:
+        head = struct.pack('!BB', 0x80 | opcode, 0x80 | size)
+    elif size < 65536:
+        head = struct.pack('!BBH', 0x80 | opcode, 0x80 | 126, size)
+    else:
+        head = struct.pack('!BBQ', 0x80 | opcode, 0x80 | 127, size)
+    return head + mask + _masked(payload, mask)
+
+
+class FrameReader:
+    """Splits a stream of bytes into frames.  Messages in several frames are not joined."""
+
+    def __init__(self) -> None:
+        self._rest = b''
+
+    def feed(self, data: bytes) -> Iterator[tuple[int, bytes]]:
+        """Take the next bytes, and yield opcode and payload of each complete frame."""
+        self._rest += data
+        while (found := self._next()) is not None:
+            opcode, payload, self._rest = found
+            yield opcode, payload
+
+    def _next(self) -> tuple[int, bytes, bytes] | None:
+        data = self._rest
+        if len(data) < 2:
+            return None
+        size, start = data[1] & 0x7f, 2
+        if size >= 126:
+            width = 2 if size == 126 else 8
+            size, start = int.from_bytes(data[2:2 + width], 'big'), 2 + width
+        mask = b''
+        if data[1] & 0x80:
+            mask, start = data[start:start + 4], start + 4
+        if len(data) < start + size:
+            return None
+        payload = data[start:start + size]
+        return data[0] & 0x0f, _masked(payload, mask) if mask else payload, data[start + size:]
+
+
+def _masked(payload: bytes, mask: bytes) -> bytes:
+    size = len(payload)
+    key = (mask * (size // 4 + 1))[:size]
+    return (int.from_bytes(payload, 'big') ^ int.from_bytes(key, 'big')).to_bytes(size, 'big')
+
 
 SIZE = 65536
 HEADER_END = b'\r\n\r\n'
@@ -31,13 +83,7 @@ HEADER_END = b'\r\n\r\n'
 
 @dataclass(frozen=True)
 class PassedCommand:
-    """
-    A velocity of the hand that was passed on to the console.
-
-    :param time: when it was passed on [s, system clock]
-    :param linear_x: the wanted velocity [m/s]
-    :param angular_z: the wanted angular velocity [rad/s]
-    """
+    """A velocity of the hand that was passed on to the console."""
 
     time: float
     linear_x: float
@@ -81,9 +127,6 @@ class Proxy:
 
     It listens at another address of the loopback interface, at the port of the console: the
     browser then sends a host with the right port, and the console needs no change.
-
-    :param port: the port of the console
-    :ivar commands: the velocities of the hand that were passed on to the console
     """
 
     ADDRESS = '127.0.0.2'
@@ -102,12 +145,7 @@ class Proxy:
         self._thread.start()
 
     def hold(self, *sides: str) -> float:
-        """
-        Hold back all bytes of some sides, in both directions by default.
-
-        :param sides: ``browser``, ``console``: whose bytes are held back
-        :returns: when it began [s, system clock]
-        """
+        """Hold back all bytes of some sides, in both directions by default."""
         with self._lock:
             for side in sides or ('browser', 'console'):
                 self._holds[side] = True

@@ -25,7 +25,7 @@ import threading
 import time
 from typing import Any
 
-from benchmarks.console_matrix.frames import frame, FrameReader, PING, PONG, TEXT
+from benchmarks.console_matrix.proxy import frame, FrameReader, PING, PONG, TEXT
 from waiting import poll
 
 HEADER_END = b'\r\n\r\n'
@@ -42,16 +42,9 @@ class RawClient:
     """
     A connection to the WebSocket of a console.
 
-    :param port: the port of the console, on this machine
-    :param token: the token in the cookie; empty for none
     :param host: the header field Host; None for that of an honest page
     :param origin: the header field Origin; None for that of an honest page
-    :param address: where to connect: to the console itself, or to the proxy
-    :param reads: whether it reads what the console sends
     :raises RefusedError: if the server refuses the connection
-    :ivar state: the state that the differences add up to
-    :ivar stamp: the newest stamp
-    :ivar messages: the newest message of each other type
     """
 
     def __init__(

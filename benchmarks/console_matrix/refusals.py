@@ -79,13 +79,7 @@ def second_page(console: ConsoleRun) -> RawClient:
 
 
 def send_commands(intruder: RawClient, driver: RawClient) -> tuple[str, list[str]]:
-    """
-    Send all commands that drive, and velocities of the hand with fresh stamps.
-
-    :param intruder: the connection of the intruder
-    :param driver: the connection of the honest driver, who knows the stamps
-    :returns: what was seen, and a sentence for each violation
-    """
+    """Send all commands that drive, and velocities of the hand with fresh stamps."""
     numbers = [intruder.request(kind, **values)[0] for kind, values in (
         ('lease', {'want': True}), ('take', {}), ('record', {'on': True}),
         ('speed', {'factor': 0.5}), ('run', {'text': MOTION, 'name': 'long.yaml'}))]
@@ -128,14 +122,7 @@ def send_flood(intruder: RawClient, driver: RawClient) -> tuple[str, list[str]]:
 
 @dataclass(frozen=True)
 class RefusalRow:
-    """
-    A row in which intruders try to drive a robot that an honest driver has taken.
-
-    :param expectation: the expected result, with the name of the row
-    :param connect: connects an intruder
-    :param send: sends the messages of an intruder who may connect
-    :param connects: whether it may connect
-    """
+    """A row in which intruders try to drive a robot that an honest driver has taken."""
 
     expectation: Expectation
     connect: Intruder

@@ -50,11 +50,7 @@ PATIENCE = DURATION + 30.0
 
 @dataclass(frozen=True)
 class ReplayRow:
-    """
-    A row in which a hand drives for 30 s, and its record is driven.
-
-    :param expectation: the expected result, with the name of the row
-    """
+    """A row in which a hand drives for 30 s, and its record is driven."""
 
     expectation: Expectation
     full: int = 5

@@ -33,25 +33,14 @@ MAX_ATTEMPTS = 4
 
 @dataclass
 class Results:
-    """
-    The results of a run.
-
-    :param trials: the trials, by the name of the row
-    :param repeated: a sentence for each trial that was repeated because the machine stood still
-    """
+    """The results of a run."""
 
     trials: dict[str, list[Trial]] = field(default_factory=dict)
     repeated: list[str] = field(default_factory=list)
 
 
 class Runner:
-    """
-    Runs trials, one after the other.
-
-    :param stage: console and browser
-    :param observers: see when the machine stands still
-    :param under_load: whether time limits are half as long again
-    """
+    """Runs trials, one after the other."""
 
     def __init__(self, stage: Stage, observers: StallObservers, under_load: bool) -> None:
         self._stage, self._observers, self._under_load = stage, observers, under_load
@@ -99,12 +88,7 @@ class Runner:
 
 
 def run(rows: Sequence[tuple[Row, int]], under_load: bool) -> Results:
-    """
-    Run all trials.
-
-    :param rows: the rows, and the number of trials of each row
-    :param under_load: whether time limits are half as long again
-    """
+    """Run all trials."""
     with tempfile.TemporaryDirectory() as seen, Stage() as stage:
         observers = StallObservers(Path(seen))
         observers.start()

@@ -17,10 +17,8 @@ from __future__ import annotations
 
 import contextlib
 
-from benchmarks.console_matrix import screen
-from benchmarks.console_matrix.browser import Browser
+from benchmarks.console_matrix.browser import Browser, Screen, SCREEN_IS_HERE
 from benchmarks.console_matrix.console_run import ConsoleRun
-from benchmarks.console_matrix.screen import Screen
 
 
 class Stage:
@@ -56,17 +54,13 @@ class Stage:
         return self._browser
 
     def use_windows(self, has_windows: bool) -> None:
-        """
-        Use a browser with windows on a virtual screen, or one without windows.
-
-        :param has_windows: whether it has windows; without a screen it has none all the same
-        """
+        """Use a browser with windows on a virtual screen, or one without windows."""
         if has_windows != self._has_windows:
             self.drop_browser()
         self._has_windows = has_windows
 
     def _display(self) -> str | None:
-        if not self._has_windows or not screen.IS_HERE:
+        if not self._has_windows or not SCREEN_IS_HERE:
             return None
         self._screen = self._screen or Screen()
         return self._screen.display

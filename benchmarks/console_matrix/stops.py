@@ -16,20 +16,50 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+import contextlib
 from contextlib import AbstractContextManager, contextmanager, ExitStack
 from dataclasses import dataclass
+import json
 import random
+import socket
 import subprocess
 import sys
 import time
 
 from benchmarks import ROOT
 from benchmarks.console_matrix.console_run import ConsoleRun
-from benchmarks.console_matrix.raw_client import RawClient
+from benchmarks.console_matrix.proxy import frame
+from benchmarks.console_matrix.raw_client import RawClient, RefusedError
 from benchmarks.console_matrix.stage import Stage
 from benchmarks.console_matrix.trial import Expectation, SpoiltError, Trial
-from benchmarks.load import busy
+from benchmarks.machine import busy
 from program import environment
+
+#: A process that is forgotten ends by itself [s].
+MAX_DURATION = 120.0
+#: What the console has to read and to drop: short and long, valid and invalid messages.
+MESSAGES = (
+    {'type': 'hand', 'sequence': 1, 'stamp': 1.0, 'linear_x': 0.3, 'angular_z': 0.0},
+    {'type': 'list', 'id': 1}, {'type': 'nonsense'},
+    {'type': 'preview', 'id': 2, 'text': 'steps:\n' + '- forward: 0.1 m\n' * 100},
+    {'type': 'preview', 'id': 3, 'text': '#' * 60_000})
+BURST = b''.join(frame(json.dumps({'v': 1, **message}).encode())
+                 for message in (*MESSAGES[:4] * 10, MESSAGES[4]))
+
+
+def send_flood(port: int) -> None:
+    """Send without a pause, on a new connection whenever one is closed."""
+    end, is_first = time.monotonic() + MAX_DURATION, True
+    while time.monotonic() < end:
+        with contextlib.suppress(OSError, RefusedError):
+            client = RawClient(port)
+            client.send('hello')
+            if is_first:
+                print('flooding', flush=True)
+                is_first = False
+            while time.monotonic() < end:
+                client.send_bytes(BURST)
+
 
 MOTION = 'name: long\nsteps: [forward: 20 m]\n'
 #: How long the robot drives before the STOP [s].
@@ -46,7 +76,7 @@ PART_OF_START = (0.02, 0.95)
 def flood(console: ConsoleRun) -> Iterator[None]:
     """Flood the console from another process during a ``with`` block."""
     process = subprocess.Popen(
-        [sys.executable, '-m', 'benchmarks.console_matrix.flood', str(console.port)], cwd=ROOT,
+        [sys.executable, '-m', 'benchmarks.console_matrix.stops', str(console.port)], cwd=ROOT,
         env=environment(), stdout=subprocess.PIPE, start_new_session=True)
     try:
         assert process.stdout is not None
@@ -59,13 +89,7 @@ def flood(console: ConsoleRun) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class StopRow:
-    """
-    A row in which a client without the lease stops a motion that another one has started.
-
-    :param expectation: the expected result, with the name of the row
-    :param floods: whether a third connection floods the console
-    :param busy_count: the number of busy processes
-    """
+    """A row in which a client without the lease stops a motion that another one has started."""
 
     expectation: Expectation
     floods: bool = True
@@ -138,13 +162,7 @@ class EarlyStopRow:
 
     @staticmethod
     def _start(driver: RawClient, motion: str) -> float:
-        """
-        Let a new process start, and at once take its robot and run a motion.
-
-        :param driver: the client that has the lease
-        :param motion: the text of the motion; empty for none
-        :returns: when the process started [s, system clock]
-        """
+        """Let a new process start, and at once take its robot and run a motion."""
         driver.request('release')
         driver.until(lambda: driver.state['process'] != 'running')
         driver.until(lambda: driver.state['process'] == 'starting')
@@ -173,3 +191,8 @@ class EarlyStopRow:
             late=sum(one.moves for one in velocities),
             note=f'{before["process"]}, {before["state"]}: {answer["text"]}',
             broken=tuple(broken))
+
+
+if __name__ == '__main__':
+    with contextlib.suppress(KeyboardInterrupt, socket.timeout):
+        send_flood(int(sys.argv[1]))

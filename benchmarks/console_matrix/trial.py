@@ -15,9 +15,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
+
+from benchmarks.tables import number, Table, trial_table
+from kachaka_simple_control.analysis.message_timing import median
+
+HEAD = (
+    'what happens', 'what ends the motion', 'times',
+    'from the last good command to the first zero [ms], median / worst',
+    'from the fault [ms]', 'zeros, least', 'refused after it, most', 'motion after', 'seen')
+
+
+def matrix(
+        expectations: Sequence[Expectation], trials: Mapping[str, Sequence[Trial]]) -> Table:
+    """Return the console matrix as a table."""
+    return trial_table('The console matrix', HEAD, expectations, trials, row)
+
+
+def row(expectation: Expectation, trials: Sequence[Trial]) -> tuple[str, ...]:
+    """Return the cells of a row with at least one trial."""
+    tried = [trial for trial in trials if not trial.not_tried]
+    if not tried:
+        return (expectation.what, expectation.who, '0', '-', '-', '-', '-', '-',
+                f'not tried: {trials[0].not_tried}')
+    return (
+        expectation.what, expectation.who, str(len(tried)),
+        _times([trial.zero for trial in tried]), _times([trial.since_fault for trial in tried]),
+        str(min(trial.zeros for trial in tried)), str(max(trial.offered for trial in tried)),
+        str(sum(trial.late for trial in tried)), tried[0].note or '-')
+
+
+def _times(times: Sequence[float | None]) -> str:
+    known = [time for time in times if time is not None]
+    if not known:
+        return '-'
+    return f'{number(1e3 * median(known))} / {number(1e3 * max(known))}'
+
 
 #: The longest time from the last good command of the hand to the first zero [s].
 HAND_LIMIT = 0.35
@@ -47,8 +82,6 @@ class Expectation:
     """
     The expected result of all trials of a row.
 
-    :param what: the fault, which is also the name of the row
-    :param who: what should end the motion
     :param limit: the longest time to the first zero [s]; None if nothing moves
     :param fault_limit: the longest time from the fault to the first zero [s]; None for no limit
     """
@@ -65,17 +98,9 @@ class Trial:
     The result of one trial; its fields are the keys of a results file.
 
     :param zero: the time from the last good command to the first zero at the robot [s]; None if
-        there was no zero.  The last good command is the last motion of the hand that was passed on
+        there was no zero. The last good command is the last motion of the hand that was passed on
         to the console before that zero and, if the console is the one at fault, before the fault.
         For a STOP the time begins at its send().
-    :param since_fault: the time from the fault to the first zero [s]
-    :param zeros: the number of zeros at the robot
-    :param late: the number of motion commands at the robot after the first zero, or after the
-        fault if nothing may move at all
-    :param offered: the number of motions of the hand that reached the console after that zero,
-        and had to be refused
-    :param note: what else was seen
-    :param broken: a sentence for each other violation
     :param not_tried: why the fault could not be injected; empty if it was
     :param began: the last good command, or the STOP [s, system clock]; 0 without such a time
     :param ended: the first zero [s, system clock]; 0 without such a time
@@ -108,9 +133,6 @@ def hand_trial(
     """
     Return the result of a trial in which a hand drove.
 
-    :param velocities: the velocities at the robot from the first motion on, in order of time
-    :param commands: the commands of the hand that were passed on to the console, in order of time
-    :param fault: when the fault was injected [s, system clock]
     :param effect: after this time the console can pass nothing on [s, system clock]; None if the
         fault is on the way to the console
     :raises SpoiltError: if a zero came before the fault
@@ -133,9 +155,6 @@ def excess(expectation: Expectation, trial: Trial, factor: float = 1.0) -> float
     """
     Return by how much a trial misses its time limits [s].
 
-    :param expectation: the expected result
-    :param trial: the trial
-    :param factor: the factor of the limits
     :returns: the time; None if it keeps the limits, or if it has another violation as well
     """
     times = ((trial.zero, expectation.limit), (trial.since_fault, expectation.fault_limit))
@@ -148,13 +167,7 @@ def excess(expectation: Expectation, trial: Trial, factor: float = 1.0) -> float
 
 def find_violations(
         expectation: Expectation, trials: Sequence[Trial], under_load: bool = False) -> list[str]:
-    """
-    Return a sentence for each kind of violation, with its count.
-
-    :param expectation: the expected result
-    :param trials: the trials of its row
-    :param under_load: whether time limits are half as long again
-    """
+    """Return a sentence for each kind of violation, with its count."""
     what, factor = expectation.what, LOAD_FACTOR if under_load else 1.0
     if not trials:
         return [f'{what}: it was not tried']

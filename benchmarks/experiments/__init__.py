@@ -14,7 +14,6 @@
 """
 Programs for measurements in docs/ that are not part of a benchmark run.
 
-``bridge_latency`` and ``three_processes`` belong to docs/kachaka.md, ``telemetry_cost`` to
-docs/live.md, ``driven_robot``, ``run_and_stop`` and ``same_process`` to docs/safety.md.
-``long_drive`` checks a drive that is too long for a test.
+``bridge_latency`` belongs to docs/kachaka.md, ``driven_robot`` and ``same_process`` to
+docs/safety.md.  ``long_drive`` checks a drive that is too long for a test.
 """

@@ -33,8 +33,7 @@ import time
 from typing import Any
 
 from benchmarks import ROOT
-from benchmarks.nanosleep import BILLION, sleep_until
-from benchmarks.resource_usage import process_time
+from benchmarks.resource_usage import BILLION, process_time, sleep_until
 from benchmarks.tables import Table
 from kachaka_simple_control.analysis.message_timing import median, quantile
 from program import JsonProcess
@@ -63,9 +62,6 @@ def measure(
     """
     Measure the latency of the bridge and of the bare gRPC call, in turns.
 
-    :param rates: the rates of velocity messages [Hz]
-    :param block: the duration of a turn [s]
-    :param turns: the number of turns
     :returns: for the bridge and the bare call at each rate: ``who``, ``rate`` [Hz], ``latency``
         (of each velocity that arrived [s]), ``sent``, and ``cpu`` (CPU time of the caller or the
         bridge for each velocity [s])

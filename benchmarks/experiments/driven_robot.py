@@ -34,7 +34,7 @@ import threading
 import time
 from typing import Any
 
-from benchmarks.progress import show
+from benchmarks.run import show
 from kachaka_simple_control.analysis.message_timing import median
 from kachaka_simple_control.ros.dds_transport import PROFILES, RANGE
 from program import environment, Program, QUICK_COMMAND, quick_drive

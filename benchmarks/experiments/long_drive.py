@@ -31,7 +31,7 @@ import tempfile
 import time
 
 from benchmarks import ROOT
-from benchmarks.load import busy
+from benchmarks.machine import busy
 from program import children_of, environment, find_process, GONE, Program
 from ros_domain import isolate_ros
 from stall_observer import Stall, StallObservers

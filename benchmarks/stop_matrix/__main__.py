@@ -29,10 +29,9 @@ from typing import Any
 
 from benchmarks import ROOT
 from benchmarks.run import RESULTS, save, today, write_measured
-from benchmarks.stop_matrix.expectation import find_late_stops, find_violations
+from benchmarks.stop_matrix.expectation import find_late_stops, find_violations, matrix, Trial
+from benchmarks.stop_matrix.network import unavailable_reason
 from benchmarks.stop_matrix.rows import CORE, ROWS
-from benchmarks.stop_matrix.table import matrix
-from benchmarks.stop_matrix.trial import Trial
 from benchmarks.stop_matrix.trial_setup import Row
 from benchmarks.tables import Table
 from program import restore_signals
@@ -46,13 +45,7 @@ END = '<!-- stop matrix: end -->'
 
 
 def measure(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[str, Any]:
-    """
-    Run trials.
-
-    :param rows: the rows, and the number of trials of each row
-    :param over_grpc: whether a bridge connects each robot over gRPC
-    :returns: the results as plain data
-    """
+    """Run trials."""
     from kachaka_simple_control.ros.dds_transport import use_localhost_only
     # Called before rclpy is imported, so that no other robot receives these messages.
     use_localhost_only()
@@ -72,15 +65,7 @@ def measure(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[st
 def second_try(
         rows: Sequence[Row], data: dict[str, Any], stalls: Sequence[Stall],
         over_grpc: bool = False) -> tuple[dict[str, Any], list[str]]:
-    """
-    Repeat the rows in which the machine stalled during each trial with a violation.
-
-    :param rows: the tested rows
-    :param data: their results
-    :param stalls: the stalls of the machine
-    :param over_grpc: whether a bridge connects each robot over gRPC
-    :returns: the results, and a sentence if too many rows were repeated
-    """
+    """Repeat the rows in which the machine stalled during each trial with a violation."""
     trials, again = trials_of(data), []
     for row in rows:
         what = row.expectation.what
@@ -110,14 +95,7 @@ def trials_of(data: dict[str, Any]) -> dict[str, list[Trial]]:
 
 def violations(
         rows: Sequence[Row], trials: dict[str, list[Trial]], under_load: bool) -> list[str]:
-    """
-    Return the violations of the expectations, as sentences.
-
-    :param rows: the tested rows
-    :param trials: the trials by the name of the row
-    :param under_load: whether time limits are ten times as long
-    :returns: the sentences; empty if there is no violation
-    """
+    """Return the violations of the expectations, as sentences."""
     found = []
     for row in rows:
         tried = trials.get(row.expectation.what, [])
@@ -141,6 +119,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     known = [row for row in ROWS if not over_grpc or row.expectation.what in CORE]
     rows = [row for row in known if (row.quick if options.quick else row.full)
             and (not options.rows or any(part in row.expectation.what for part in options.rows))]
+    if any(row.over_link for row in rows) and not options.of and (
+            reason := unavailable_reason()):
+        rows = [row for row in rows if not row.over_link]
+        print(f'Rows over a link between two machines are left out: {reason}')
     excess: list[str] = []
     if options.of:
         data = json.loads(options.of.read_text())

@@ -15,11 +15,84 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
-from benchmarks.stop_matrix.trial import Trial
+from benchmarks.tables import number, Table, trial_table
+from kachaka_simple_control.analysis.message_timing import median
+
+HEAD = (
+    'what happens', 'who stops it', 'times', 'to the first zero [ms], median / worst',
+    'zeros, least', 'motion after', 'driven [m], worst', 'exit code', 'it says')
+
+
+def matrix(
+        expectations: Sequence[Expectation], trials: Mapping[str, Sequence[Trial]]) -> Table:
+    """Return the stop matrix as a table."""
+    return trial_table('The stop matrix', HEAD, expectations, trials, row)
+
+
+def row(expectation: Expectation, trials: Sequence[Trial]) -> tuple[str, ...]:
+    """Return the cells of a row with at least one trial."""
+    return (
+        expectation.what, expectation.who, str(len(trials)), _times(expectation, trials),
+        str(min(trial.zeros for trial in trials)), str(sum(trial.late for trial in trials)),
+        _worst([trial.metres for trial in trials], lambda metres: f'{metres:.3f}'),
+        _codes(trials), trials[0].message.replace('|', '/') or '-')
+
+
+def _times(expectation: Expectation, trials: Sequence[Trial]) -> str:
+    times = [trial.zero for trial in trials if trial.zero is not None]
+    if expectation.zero is Zero.NONE or not times:
+        return '-'
+    text = f'{_milliseconds(median(times))} / {_milliseconds(max(times))}'
+    return text + ' after its end' * (expectation.zero is Zero.AT_END)
+
+
+def _milliseconds(seconds: float) -> str:
+    # The clock may be read after the message was stamped, so differences below 1 us have no sign.
+    return number(1e3 * seconds) if seconds > 0.0 else f'{1e3 * seconds:.2g}'
+
+
+def _worst(values: Sequence[float | None], text: Callable[[float], str]) -> str:
+    known = [value for value in values if value is not None]
+    return text(max(known)) if known else '-'
+
+
+def _codes(trials: Sequence[Trial]) -> str:
+    codes = sorted({-1 if trial.code is None else trial.code for trial in trials})
+    return ', '.join('none' if code < 0 else str(code) for code in codes)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """
+    The result of one trial; its fields are the keys of a results file.
+
+    :param zero: the time from the fault to the first zero [s]; None if no zero was received
+    :param metres: the distance that the simulated robot drove after the fault [m]; None if unknown
+    :param code: the exit code, as a shell shows it; None if the program did not end
+    :param began: the start of the measurement [s, steady clock]; 0 if unknown
+    :param ended: the end of the trial [s, steady clock]; 0 if unknown
+    """
+
+    zero: float | None
+    zeros: int
+    late: int
+    metres: float | None
+    code: int | None
+    message: str
+    broken: tuple[str, ...] = ()
+    began: float = 0.0
+    ended: float = 0.0
+
+    @staticmethod
+    def from_json(data: dict[str, Any]) -> Trial:
+        """Create a trial from its fields, as converted by ``dataclasses.asdict`` and JSON."""
+        return Trial(**{**data, 'broken': tuple(data['broken'])})
+
 
 #: The number of zeros that a stop begins with.
 BURST_COUNT = 10
@@ -47,10 +120,7 @@ class Expectation:
     """
     The expected result of all trials of a row.
 
-    :param what: the fault, which is also the name of the row
-    :param who: the component that stops the robot
     :param codes: the correct exit codes; empty if the program does not end by itself
-    :param zero: whether a zero must be sent
     :param limit: the longest time to the first zero [s]; None for no limit
     """
 
@@ -79,9 +149,6 @@ def find_late_stops(
     """
     Compare the worst time to the first zero with the limit.
 
-    :param expectation: the expectation with the limit
-    :param trials: the trials of its row
-    :param under_load: whether time limits are ten times as long
     :returns: one sentence if the limit was exceeded; empty otherwise
     """
     times = [trial.zero for trial in trials if trial.zero is not None]

@@ -24,8 +24,8 @@ import random
 import signal
 import time
 
-from benchmarks.load import busy
-from benchmarks.stop_matrix.robot_process import RobotProcess
+from benchmarks.machine import busy
+from benchmarks.stop_matrix.robot_pool import RobotProcess
 from benchmarks.stop_matrix.trial_setup import TrialContext
 from waiting import poll
 
@@ -236,17 +236,67 @@ def publish_clock_once(context: TrialContext) -> float:
     return no_fault(context)
 
 
-def check_execution_order(context: TrialContext, fault: float) -> list[str]:
-    """Check that a slow robot executed no velocity after its first zero."""
+def executed_after(context: TrialContext, since: float) -> list[float]:
+    """Return the velocities that the robot executed after a time [s, system clock]."""
     executed = context.robot.executed
     assert executed is not None
     # The first velocity creates the file.
     text = executed.read_text() if executed.exists() else ''
     lines = [line.split() for line in text.splitlines()]
-    after = [float(velocity) for at, velocity in lines if float(at) > fault]
+    return [float(velocity) for at, velocity in lines if float(at) > since]
+
+
+def check_execution_order(context: TrialContext, fault: float) -> list[str]:
+    """Check that the robot executed a zero, and no velocity after it."""
+    after = executed_after(context, fault)
     if 0.0 not in after:
         return ['the robot played no zero']
     return ['the robot played a velocity after its first zero'] * any(after[after.index(0.0):])
+
+
+def lossy(percent: int, inject: Injector) -> Injector:
+    """Return an injector of a fault while so many packets are lost [%], in both directions."""
+    def inject_lossy(context: TrialContext) -> float:
+        assert context.robot.network is not None
+        context.robot.network.set_loss(percent)
+        time.sleep(1.0)
+        return inject(context)
+    return inject_lossy
+
+
+def cut_link(context: TrialContext) -> float:
+    """Pull the cable between program and robot."""
+    assert context.robot.network is not None
+    now = time.time()
+    context.robot.network.disconnect()
+    return now
+
+
+def cut_link_briefly(context: TrialContext) -> float:
+    """Pull the cable for 0.6 s, which is no fault."""
+    cut_link(context)
+    time.sleep(0.6)
+    reconnect(0.0)(context)
+    return no_fault(context)
+
+
+def reconnect(seconds: float, after_end: bool = False) -> Callable[[TrialContext], None]:
+    """Return a function that plugs the cable in again after a time [s], or after the end."""
+    def after(context: TrialContext) -> None:
+        assert context.robot.network is not None
+        if after_end:
+            context.program.code_within(10.0)
+        time.sleep(seconds)
+        context.changed = time.time()
+        context.robot.network.connect()
+        time.sleep(2.0 if context.program.is_over else 0.0)
+    return after
+
+
+def check_nothing_old(context: TrialContext, _fault: float) -> list[str]:
+    """Check that nothing moved the robot when the cable was back."""
+    moved = [one for one in executed_after(context, context.changed) if one]
+    return ['old velocities moved the robot when the cable was back'] if moved else []
 
 
 def wait(seconds: float) -> Callable[[TrialContext], None]:

@@ -40,12 +40,7 @@ class OtherPublisher:
         self._publisher = node.create_publisher(Twist, topic, 10)
 
     def send(self, velocity: float) -> float:
-        """
-        Publish a velocity.
-
-        :param velocity: the forward velocity [m/s]
-        :returns: the time of sending [s, system clock]
-        """
+        """Publish a velocity."""
         message = Twist()
         message.linear.x = velocity
         now = time.time()
@@ -62,9 +57,6 @@ class RobotRecorder:
     Records the velocities sent to one robot, and its odometry.
 
     Times are the source timestamps of DDS, so that delays of this process do not matter.
-
-    :param node: the node for the subscriptions
-    :param namespace: the namespace of the robot
     """
 
     def __init__(self, node: Node, namespace: str) -> None:
@@ -93,9 +85,7 @@ class RobotRecorder:
         """
         Wait for a velocity that meets a condition.
 
-        :param condition: returns whether a velocity matches
         :param since: the velocity must be sent after this time [s, system clock]
-        :param timeout: the longest wait [s]
         :returns: the first matching velocity; None after the timeout
         """
         return poll(lambda: next(filter(condition, self.sent_since(since)), None), timeout)
@@ -114,8 +104,6 @@ class RobotRecorder:
         """
         Return the distance that the robot drove along x.
 
-        :param since: the start time [s, system clock]
-        :param new_robot: whether an earlier robot was replaced, whose position is ignored
         :returns: the length of the path [m]; None without odometry after the start time
         """
         positions = sorted(map(_position, [*self._odometry]))

@@ -155,8 +155,8 @@ def check_both_stopped(context: TrialContext, fault: float) -> list[str]:
 def restarting_nodes(context: TrialContext) -> Iterator[None]:
     """Run many other nodes during the ``with`` block, and restart them one after the other."""
     # Imported here, because it imports rclpy, which listing the rows must not do.
-    from benchmarks import churn
+    from benchmarks.stop_matrix.restarting_nodes import others
     longest = SETTLING_TIME + MAX_OVERHEAD + context.row.duration
-    with churn.others(NODES, RESTARTS, longest, context.robot.domain):
+    with others(NODES, RESTARTS, longest, context.robot.domain):
         time.sleep(SETTLING_TIME)
         yield

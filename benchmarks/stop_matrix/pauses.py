@@ -112,9 +112,6 @@ def push_and_ask(hold: str, ask: str) -> Injector:
     Return an injector that pushes a robot on hold, and then requests to resume the motion.
 
     At the end, the injector ends the program with SIGINT.
-
-    :param hold: the command that makes the program hold its robot
-    :param ask: the command that makes the program request to resume
     """
     def inject(context: TrialContext) -> float:
         _reach(context, hold, State.BRAKING)

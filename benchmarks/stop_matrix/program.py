@@ -26,6 +26,7 @@ import tempfile
 import termios
 import time
 
+from benchmarks.stop_matrix.network import Network, NODE
 from program import children_of, environment, fill, find_process, Program
 from waiting import poll
 
@@ -38,17 +39,11 @@ class ScriptProgram(Program):
     The process of a script, in its own session.
 
     The script creates a file when it is ready, waits for a line on standard input, and then moves.
-
-    :param text: the text of the script
-    :param options: the arguments of the script
-    :param variables: variables that are added to its environment
-    :param output: the kind of its output: 'file', 'pipe', 'terminal' (also its input), or 'full'
-        (a pipe that can be filled)
     """
 
     def __init__(
             self, text: str, options: list[str], variables: dict[str, str],
-            output: str = 'file') -> None:
+            output: str = 'file', network: Network | None = None) -> None:
         self.folder = Path(tempfile.mkdtemp(prefix='stop_matrix_'))
         self._printed = ''
         script = self.folder / 'script.py'
@@ -56,12 +51,13 @@ class ScriptProgram(Program):
         has_terminal = output == 'terminal'
         ours, theirs = os.openpty() if has_terminal else os.pipe()
         self._descriptor = ours
+        command = [sys.executable, str(script), *options]
         super().__init__(
-            [sys.executable, str(script), *options], cwd=self.folder,
+            network.command(NODE, command) if network else command, cwd=self.folder,
             stdin=theirs if has_terminal else subprocess.PIPE,
             # Safe: no other thread starts programs or holds a lock that the child needs.
             preexec_fn=_take_terminal if has_terminal else None,
-            env=environment(**variables),
+            env=(network.environment if network else environment)(**variables),
             **({} if output == 'file' else {'stdout': theirs, 'stderr': theirs}))
         self._has_terminal = has_terminal
         self._filled = theirs if output == 'full' else -1
@@ -92,11 +88,7 @@ class ScriptProgram(Program):
             print(line, file=self.process.stdin, flush=True)
 
     def close_output(self) -> float:
-        """
-        Close the other end of the program's output pipe or terminal.
-
-        :returns: the time of closing [s, system clock]
-        """
+        """Close the other end of the program's output pipe or terminal."""
         self._read()
         now = time.time()
         os.close(self._descriptor)

@@ -15,17 +15,84 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from pathlib import Path
+import re
 import signal
+import subprocess
+import sys
 import tempfile
 from typing import NamedTuple
 
-from benchmarks.grpc_robot import GrpcRobot
+from benchmarks import ROOT
+from benchmarks.stop_matrix.network import Network, NODE, ROBOT
 from benchmarks.stop_matrix.observer import Observer, RobotRecorder
-from benchmarks.stop_matrix.robot_process import RobotProcess
+from grpc_client_support import SimulatedRobot
+from program import environment, Program
 from ros_domain import claim_domain, release_domain
+from ros_support import BRIDGE, BridgeProcess
 from waiting import poll
+
+
+class GrpcRobot:
+    """
+    The processes ``kachaka_sim`` and ``kachaka_bridge --address``; ``close`` ends both.
+
+    :raises AssertionError: if the robot does not start
+    """
+
+    def __init__(self, namespace: str, domain: int) -> None:
+        self._robot = SimulatedRobot()
+        #: the address of the robot, ``HOST:PORT``
+        self.address = self._robot.address
+        # The bridge ends with this process, which holds the other end of its standard input.
+        self._bridge = BridgeProcess(
+            '--address', self.address, '--namespace', namespace, '--with-parent',
+            stdin=subprocess.PIPE, env=environment(ROS_DOMAIN_ID=str(domain)))
+
+    def send(self, signum: int) -> float:
+        """Send the bridge a signal; return the time of the signal [s, system clock]."""
+        return self._bridge.send(signum)
+
+    def close(self, timeout: float = 0.0, signum: int = 0) -> None:
+        """End both processes, the bridge first; do nothing if they have ended."""
+        for process in (self._bridge, self._robot):
+            process.close(timeout, signum)
+
+
+#: Matches the log line of the bridge for released manual control, and its time [s, system clock].
+RELEASED = re.compile(r'\[([\d.]+)\] \[[\w./]+\]: manual control disabled')
+#: The duration of a call to the robot over a slow link [s].
+CALL_DURATION = 0.25
+
+
+class RobotProcess(Program):
+    """
+    The process of this package's bridge with a simulated robot, or of the slow bridge.
+
+    :param log: the file of the velocities that the slow bridge executes; None for this package's
+        bridge
+    """
+
+    def __init__(
+            self, namespace: str, domain: int, log: Path | None = None,
+            network: Network | None = None) -> None:
+        command = [*BRIDGE, '--sim', '--with-parent', '--namespace', namespace]
+        if log:
+            duration = 0.0 if network else CALL_DURATION
+            command = [sys.executable, '-m', 'benchmarks.stop_matrix.slow_bridge', namespace,
+                       str(log), str(duration)]
+        # The bridge ends with this process, which holds the other end of its standard input.
+        super().__init__(
+            network.command(ROBOT, command) if network else command, cwd=ROOT,
+            stdin=subprocess.PIPE,
+            env=(network.environment if network else environment)(ROS_DOMAIN_ID=str(domain)))
+
+    def released_since(self, since: float) -> bool:
+        """Return whether manual control was disabled after a time [s, system clock]."""
+        return any(float(at) > since for at in RELEASED.findall(self.text))
+
 
 _NUMBERS = itertools.count(1)
 #: The longest time until a robot publishes odometry [s].
@@ -45,21 +112,24 @@ class PooledRobot:
     """
     A robot in its own ROS domain, with the recorder of its topics.
 
-    When a program joins or leaves a domain, DDS may delay all other programs in it.  With separate
+    When a program joins or leaves a domain, DDS may delay all other programs in it. With separate
     domains, programs in preparation do not delay the measured program.
-
-    :param slow: whether each call to the robot takes 250 ms
-    :param over_grpc: whether robot and bridge are two processes, as with a real robot
     """
 
-    def __init__(self, slow: bool, over_grpc: bool = False) -> None:
+    def __init__(
+            self, slow: bool, over_grpc: bool = False, over_link: bool = False) -> None:
         number = next(_NUMBERS)
         self.domain = claim_domain()
-        self.observer = Observer(self.domain)
+        self._resources = contextlib.ExitStack()
+        #: the network between program and robot; None if both are on this machine
+        self.network = self._resources.enter_context(Network()) if over_link else None
+        with self.network.entered(NODE) if self.network else contextlib.nullcontext():
+            self.observer = Observer(self.domain)
         self.recorder = self.observer.record(f'stop_{number}')
-        self._folder = tempfile.TemporaryDirectory(prefix='stop_matrix_') if slow else None
-        #: the file of the velocities that a slow robot executes; None for other robots
-        self.executed = Path(self._folder.name) / 'executed.txt' if self._folder else None
+        #: the file of the velocities that the robot executes; None if it writes none
+        self.executed = Path(self._resources.enter_context(
+            tempfile.TemporaryDirectory(prefix='stop_matrix_'))) / 'executed.txt' if (
+                slow or over_link) else None
         self._over_grpc = over_grpc
         self.process = self._start()
         self._second: SecondRobot | None = None
@@ -70,7 +140,8 @@ class PooledRobot:
 
         :raises RuntimeError: if no odometry arrives within START_TIMEOUT
         """
-        if not poll(lambda: self.recorder.odometry_count, START_TIMEOUT):
+        # Over a link the program alone meets the robot.
+        if self.network is None and not poll(lambda: self.recorder.odometry_count, START_TIMEOUT):
             raise RuntimeError('a simulated robot did not come')
 
     def second(self) -> SecondRobot:
@@ -97,22 +168,18 @@ class PooledRobot:
         if self._second is not None:
             self._second.process.close(EXIT_TIMEOUT, signal.SIGTERM)
         self.observer.close()
-        if self._folder is not None:
-            self._folder.cleanup()
+        self._resources.close()
         release_domain(self.domain)
 
     def _start(self) -> RobotProcess | GrpcRobot:
         if self._over_grpc:
             return GrpcRobot(self.recorder.namespace, self.domain)
-        return RobotProcess(self.recorder.namespace, self.domain, self.executed)
+        return RobotProcess(
+            self.recorder.namespace, self.domain, self.executed, self.network)
 
 
 class RobotPool:
-    """
-    A context manager for all robots, which ends them at its exit.
-
-    :param over_grpc: whether a bridge connects each robot over gRPC
-    """
+    """A context manager for all robots, which ends them at its exit."""
 
     def __init__(self, over_grpc: bool = False) -> None:
         self._over_grpc = over_grpc
@@ -128,10 +195,10 @@ class RobotPool:
         for robot in [*self._taken, *self._free]:
             robot.end()
 
-    def take(self, slow: bool) -> PooledRobot:
+    def take(self, slow: bool, over_link: bool) -> PooledRobot:
         """Return a free robot, or start a new robot, which may not be ready yet."""
-        robot = self._free.pop(0) if self._free and not slow else PooledRobot(
-            slow, self._over_grpc)
+        robot = self._free.pop(0) if self._free and not (slow or over_link) else PooledRobot(
+            slow, self._over_grpc, over_link)
         self._taken.append(robot)
         return robot
 

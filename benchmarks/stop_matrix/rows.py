@@ -177,6 +177,38 @@ IN_MOTION = (
         faults.send_signals('SIGINT'), check=faults.check_execution_order, slow_robot=True,
         robot_reusable=False),
 )
+
+
+def _link(
+        what: str, who: str, codes: tuple[int, ...], limit: float | None,
+        inject: Callable[[TrialContext], float], **more: object) -> Row:
+    row = {'check': faults.check_execution_order, 'full': 20, **more}
+    return Row(
+        Expectation(f'{what}: needs root', who, codes, limit=limit), inject, over_link=True,
+        options=('manual_control:=false',), robot_reusable=False, measures_distance=False,
+        batch_size=2, **row)  # type: ignore[arg-type]
+
+
+#: The robot is on another machine, which takes network namespaces.
+OVER_LINK = (
+    *(_link(f'SIGINT, {loss} % of the packets lost', NODE, (130,), SIGNAL,
+            faults.lossy(loss, faults.send_signals('SIGINT')), quick=int(loss == 30))
+      for loss in (10, 30, 50)),
+    _link('SIGKILL, 30 % of the packets lost', GUARDIAN, (137,), KILLED,
+          faults.lossy(30, faults.send_signals('SIGKILL')), quick=0),
+    replace(_link('cable pulled for 0.6 s', NOTHING, (0,), None, faults.cut_link_briefly,
+                  check=None, duration=3.0, full=5, quick=0),
+            expectation=Expectation(
+                'cable pulled for 0.6 s: needs root', NOTHING, (0,), Zero.AT_END)),
+    _link('cable pulled, back after 1.2 s', NODE, (1,), ODOMETRY, faults.cut_link,
+          after=faults.reconnect(1.2), check=faults.check_nothing_old, full=5),
+    _link('cable pulled, back when the program has ended', NODE, (1,), ODOMETRY, faults.cut_link,
+          after=faults.reconnect(0.0, after_end=True), check=faults.check_nothing_old, full=5,
+          quick=0),
+    _link('cable pulled, back 5 s after the program has ended', NODE, (1,), ODOMETRY,
+          faults.cut_link, after=faults.reconnect(5.0, after_end=True),
+          check=faults.check_nothing_old, full=5, quick=0),
+)
 #: The faults that are also tested around a pause, with the same limits.
 AROUND_PAUSE = (
     'SIGINT (Ctrl+C)', 'SIGKILL', 'SIGSTOP', 'listener leaves',
@@ -264,6 +296,7 @@ def _by_hand(row: Row) -> Row:
 
 ROWS = (
     *IN_MOTION,
+    *OVER_LINK,
     *(_by_hand(row) for row in IN_MOTION if row.expectation.what in BY_HAND),
     Row(Expectation('the commands end, by hand', NODE, (0,), limit=HAND_LAPSED),
         faults.own_fault, scripts.SILENT_HAND, full=20, measures_distance=False),

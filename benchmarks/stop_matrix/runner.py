@@ -23,9 +23,9 @@ import random
 import threading
 import time
 
-from benchmarks.progress import show
+from benchmarks.run import show
+from benchmarks.stop_matrix.expectation import Trial
 from benchmarks.stop_matrix.robot_pool import RobotPool
-from benchmarks.stop_matrix.trial import Trial
 from benchmarks.stop_matrix.trial_setup import finish_trial, inject_fault, Row, TrialContext
 
 #: The range of the random time from the start of a motion to the fault [s].
@@ -35,13 +35,7 @@ MAX_STARTING = 3
 
 
 def run(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[str, list[Trial]]:
-    """
-    Run all trials.
-
-    :param rows: the rows, and the number of trials of each row
-    :param over_grpc: whether a bridge connects each robot over gRPC
-    :returns: the results, by the name of the row
-    """
+    """Run all trials."""
     results: dict[str, list[Trial]] = {row.expectation.what: [] for row, _ in rows}
     queue = [row for row, count in rows for _ in range(count)]
     done = 0
@@ -56,12 +50,7 @@ def run(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[str, l
 
 
 def batches(queue: Sequence[Row]) -> Iterator[list[Row]]:
-    """
-    Split trials into batches that can be prepared in parallel.
-
-    :param queue: the row of each trial
-    :returns: the batches; all rows of a batch have the same background and batch size
-    """
+    """Split trials into batches that can be prepared in parallel."""
     for (_, size), group in itertools.groupby(
             queue, key=lambda row: (row.background, row.batch_size)):
         while batch := [*itertools.islice(group, size)]:
@@ -69,7 +58,7 @@ def batches(queue: Sequence[Row]) -> Iterator[list[Row]]:
 
 
 def _run_batch(rows: Sequence[Row], pool: RobotPool) -> list[Trial]:
-    robots = [pool.take(row.slow_robot) for row in rows]
+    robots = [pool.take(row.slow_robot, row.over_link) for row in rows]
     contexts: list[TrialContext] = []
     try:
         for robot in robots:

@@ -29,25 +29,21 @@ from kachaka_simple_control.motion.geometry import Velocity
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-#: The duration of a call to the robot over a slow link [s].
-CALL_DURATION = 0.25
-
 
 class SlowBridge(SimulatedBridge):
     """
     A slow bridge that executes one velocity after the other, like the official bridge.
 
-    :param namespace: the namespace of the robot
     :param log: the log file; each line has the time [s, system clock] and the velocity [m/s]
     """
 
-    def __init__(self, namespace: str, log: Path) -> None:
+    def __init__(self, namespace: str, log: Path, duration: float) -> None:
         super().__init__(SimulatedKachaka(time.monotonic()), namespace)
-        self._log = log
+        self._log, self._duration = log, duration
 
     def drive(self, velocity: Velocity, now: float) -> None:  # noqa: ARG002
         """Send the robot a velocity, which arrives after the duration of a call."""
-        time.sleep(CALL_DURATION)
+        time.sleep(self._duration)
         with self._log.open('a') as log:
             log.write(f'{time.time()} {velocity.linear_x}\n')
         super().drive(velocity, time.monotonic())
@@ -58,15 +54,15 @@ class SlowBridge(SimulatedBridge):
 
         :returns: the reason why the robot refuses; empty if it accepts
         """
-        time.sleep(CALL_DURATION)
+        time.sleep(self._duration)
         return super().set_manual_control(enabled)
 
 
 def main(args: Sequence[str]) -> None:
-    """Run the bridge until standard input ends; the arguments are the namespace and the log."""
+    """Run the bridge until standard input ends; the arguments: namespace, log, duration."""
     with ShutdownEvent() as shutdown:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        node = SlowBridge(args[0], Path(args[1]))
+        node = SlowBridge(args[0], Path(args[1]), float(args[2]))
         executor = rclpy.get_global_executor()
         executor.add_node(node)
         threading.Thread(target=executor.spin, daemon=True).start()

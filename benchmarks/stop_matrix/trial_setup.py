@@ -19,14 +19,37 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from itertools import pairwise
+import re
 import time
 from typing import TYPE_CHECKING
 
 from benchmarks.stop_matrix import scripts
-from benchmarks.stop_matrix.expectation import Expectation, Zero
-from benchmarks.stop_matrix.message import last_message
+from benchmarks.stop_matrix.expectation import Expectation, Trial, Zero
 from benchmarks.stop_matrix.program import ScriptProgram
-from benchmarks.stop_matrix.trial import Trial
+
+LOG_PREFIX = re.compile(r'^\[\w+\] \[[\d.]+\] \[[\w./]+\]: ')
+PROGRAM_PREFIX = re.compile(r'^(kachaka_simple_control: |kachaka_simple_control\.[\w.]+: )')
+COLOUR = re.compile(r'\x1b\[[\d;]*m')
+#: Matches the path of a trial's script.
+SCRIPT = re.compile(r'/\S*/script\.py')
+MAX_LENGTH = 100
+#: Lines that each program logs.
+ROUTINE = (
+    'Robot control node has started', 'Robot has stopped', 'Movement completed', 'Paused: ',
+    'Resumed', 'Calibrated: ', 'The robot did not confirm')
+
+
+def last_message(text: str, namespace: str, traceback_expected: bool) -> str:
+    """Return the last printed line of a program, without routine log lines."""
+    plain = COLOUR.sub('', text)
+    lines = [PROGRAM_PREFIX.sub('', LOG_PREFIX.sub('', line)).strip()
+             for line in plain.splitlines() if not line.startswith((' ', 'Traceback'))]
+    messages = [line for line in lines if line and not line.startswith(ROUTINE)]
+    last = (messages[-1] if messages else '').replace(namespace, 'kachaka')
+    last = SCRIPT.sub('script.py', last)
+    last = last if len(last) <= MAX_LENGTH else last[:MAX_LENGTH].rsplit(' ', 1)[0] + ' ...'
+    return f'Traceback: {last}' if 'Traceback' in text and not traceback_expected else last
+
 
 if TYPE_CHECKING:
     # These import rclpy, which listing the rows must not do.
@@ -55,26 +78,7 @@ class Row:
     """
     A row of the matrix: a fault, its injector, and the expected result.
 
-    :param expectation: the expected result, with the name of the row
     :param inject: injects the fault, and returns its time [s, system clock]
-    :param script: the text of the program
-    :param options: the node parameters of the program, ``name:=value``
-    :param duration: the duration of the motion [s]
-    :param after: an action after the fault, while other trials continue
-    :param check: a check after the end; its arguments are the trial and the time of the fault, its
-        result is sentences
-    :param exclusive: whether no other trial is measured before the first zero of this trial
-    :param full: the number of trials in the full form
-    :param quick: the number of trials in the quick form
-    :param background: a context manager around the motions of a batch of trials; its argument is
-        the first trial of the batch
-    :param output: the kind of the program's output, see ``ScriptProgram``
-    :param moves: whether the program moves the robot
-    :param slow_robot: whether each call to the robot takes 250 ms
-    :param robot_reusable: whether the robot can be used for another trial
-    :param measures_distance: whether the distance that the robot drove is meaningful
-    :param batch_size: the number of programs that are prepared at once
-    :param robots: number of robots that its program drives at the same time, 1 or 2
     """
 
     expectation: Expectation
@@ -91,6 +95,7 @@ class Row:
     output: str = 'file'
     moves: bool = True
     slow_robot: bool = False
+    over_link: bool = False
     robot_reusable: bool = True
     measures_distance: bool = True
     batch_size: int = 6
@@ -98,12 +103,7 @@ class Row:
 
 
 class TrialContext:
-    """
-    The processes and times of one trial; the constructor starts the program, ``end`` ends it.
-
-    :param row: the row of the trial
-    :param robot: the robot that the program drives
-    """
+    """Processes and times of a trial; the constructor starts the program, ``end`` ends it."""
 
     def __init__(self, row: Row, robot: PooledRobot) -> None:
         self.row, self.robot, self.recorder = row, robot, robot.recorder
@@ -135,7 +135,8 @@ class TrialContext:
             'DURATION': str(self.row.duration), 'ROS_DOMAIN_ID': str(self.robot.domain),
             'ROBOTS': ' '.join(recorder.namespace for recorder in self.recorders),
             **variables}
-        return ScriptProgram(self.row.script, options, environment, self.row.output)
+        return ScriptProgram(
+            self.row.script, options, environment, self.row.output, self.robot.network)
 
     def wait_until_ready(self) -> None:
         """Wait until the program is connected to its robot; restart a failed program once."""
@@ -179,9 +180,7 @@ def inject_fault(context: TrialContext, pause: Callable[[], float]) -> float:
     """
     Start the motion, inject the fault, and wait for the first zero if the row is exclusive.
 
-    :param context: the trial
     :param pause: returns the time from the first velocity to the fault [s]
-    :returns: the time of the fault [s, system clock]
     """
     context.start_motion()
     time.sleep(pause())
@@ -195,22 +194,13 @@ def inject_fault(context: TrialContext, pause: Callable[[], float]) -> float:
 
 
 def from_burst_on(zeros: list[float]) -> list[float]:
-    """
-    Return the zeros of a stop, which begins with a burst, without the zeros of a pause before.
-
-    :param zeros: the times of all zeros [s]
-    """
+    """Return the zeros of a stop, which begins with a burst, without those of a pause before."""
     begin = (number for number, (one, two) in enumerate(pairwise(zeros)) if two - one < BURST_GAP)
     return zeros[next(begin, len(zeros)):]
 
 
 def finish_trial(context: TrialContext, fault: float) -> Trial:
-    """
-    Run the later actions of the row, wait for the end of the program, and return the result.
-
-    :param context: the trial
-    :param fault: the time of the fault [s, system clock]
-    """
+    """Run the later actions of the row, wait for the end of the program, and return the result."""
     row, recorder = context.row, context.recorder
     if row.after is not None:
         row.after(context)

@@ -34,14 +34,14 @@ from benchmarks.stop_matrix.expectation import (
     Expectation,
     find_late_stops,
     find_violations,
+    HEAD,
+    matrix,
+    row,
+    Trial,
     Zero,
 )
-from benchmarks.stop_matrix.message import last_message
-from benchmarks.stop_matrix.pauses import in_corner, State
-from benchmarks.stop_matrix.rows import AROUND_PAUSE, CORE, IN_CLOSED_LOOP, ROWS
-from benchmarks.stop_matrix.table import HEAD, matrix, row
-from benchmarks.stop_matrix.trial import Trial
-from benchmarks.stop_matrix.trial_setup import from_burst_on
+from benchmarks.stop_matrix.rows import ROWS
+from benchmarks.stop_matrix.trial_setup import from_burst_on, last_message
 import pytest
 from stall_observer import Stall
 
@@ -110,16 +110,6 @@ def test_the_table_shows_the_worst():
     assert cells['motion after'] == '0'
 
 
-def test_the_table_leaves_out_what_was_not_tried():
-    table = matrix([EXPECTATION, replace(EXPECTATION, what='other')], {'SIGTERM': [GOOD]})
-    assert [cells[0] for cells in table.rows] == ['SIGTERM']
-
-
-def test_a_time_is_counted_from_the_end_where_nothing_needs_stopping():
-    cells = dict(zip(HEAD, row(replace(EXPECTATION, zero=Zero.AT_END), [GOOD])))
-    assert cells['to the first zero [ms], median / worst'] == '1.00 / 1.00 after its end'
-
-
 def test_a_matrix_can_be_saved_and_measured_in_parts():
     data = {'rows': {'SIGTERM': [asdict(GOOD)]}}
     kept = json.loads(json.dumps(merged({'rows': {'other': []}}, data)))
@@ -173,11 +163,6 @@ def test_a_matrix_with_too_many_rows_tried_again_fails(tried_again):
     assert excess == ['more than 5% of the rows were repeated']
 
 
-def test_results_without_the_times_of_their_trials_can_be_read():
-    old = {name: value for name, value in asdict(GOOD).items() if name not in ('began', 'ended')}
-    assert Trial.from_json(old) == GOOD
-
-
 def test_the_last_line_that_is_no_routine_log_is_the_message():
     text = """[INFO] [1763.5] [kachaka_simple_control]: Robot control node has started
 \x1b[0m[INFO] [1763.9] [kachaka_simple_control]: Robot has stopped\x1b[0m
@@ -200,48 +185,10 @@ def test_the_stop_of_a_paused_program_begins_where_zeros_come_at_once():
     assert from_burst_on([]) == []
 
 
-def test_what_happens_in_motion_happens_around_a_pause_with_the_same_limits():
-    rows = {row.expectation.what: row for row in ROWS}
-    for what in AROUND_PAUSE:
-        for state in State:
-            one = rows[f'{what}, while {state.value}']
-            assert replace(one.expectation, what=what) == rows[what].expectation
-            assert one.full >= 10
-    assert sum(rows[f'{what}, while {State.PAUSED.value}'].quick for what in AROUND_PAUSE) == 3
-
-
-def test_what_happens_in_motion_happens_in_a_closed_loop_with_the_same_limits():
-    rows = {row.expectation.what: row for row in ROWS}
-    for what in IN_CLOSED_LOOP:
-        one = rows[f'{what}, in a closed loop']
-        assert replace(one.expectation, what=what) == rows[what].expectation
-        assert one.full >= 10
-    assert rows['the robot is held, in a closed loop'].expectation.codes == (1,)
-
-
-@pytest.mark.parametrize('state, velocity, shown', [
-    (State.PAUSED, 0.0, True), (State.PAUSED, 0.01, False), (State.BRAKING, 0.2, True),
-    (State.BRAKING, 0.3, False), (State.BRAKING, 0.0, False), (State.RESUMING, 0.01, True)])
-def test_a_fault_comes_in_its_state(state, velocity, shown):
-    assert state.shows(SimpleNamespace(linear_x=velocity, moves=velocity != 0.0)) == shown
-
-
 def test_rows_have_unique_names_and_are_tried():
     names = [row.expectation.what for row in ROWS]
     assert len(set(names)) == len(names) > 35
     assert all(row.full or row.quick for row in ROWS)
-
-
-def test_core_rows_can_be_tried_with_a_robot_over_grpc():
-    core = [row for row in ROWS if row.expectation.what in CORE]
-    assert len(core) == len(CORE)
-    for one in core:
-        assert one.full
-        assert one.quick
-        # Nothing happens to the robot, and no bridge of another kind is asked for.
-        assert one.robot_reusable
-        assert not one.slow_robot
-        assert one.expectation.zero is not Zero.NONE
 
 
 def test_the_page_shows_the_reference_results():
@@ -269,15 +216,3 @@ def test_a_robot_over_grpc_is_stopped_too():
         assert trial.metres is not None
         assert trial.metres < 0.03
         assert 0.0 < trial.began < trial.ended
-
-
-@pytest.mark.parametrize('velocity, text', [
-    ((0.2, 1.0), []), ((0.2, 0.0), ['it was in no corner: 0.2 m/s, 0 rad/s'])])
-def test_a_fault_in_a_corner_is_one_in_a_corner(monkeypatch, velocity, text):
-    """The first leg is straight, and most faults come a moment after the start."""
-    monkeypatch.setattr('time.sleep', lambda _: None)
-    sent = SimpleNamespace(linear_x=velocity[0], angular_z=velocity[1])
-    context = SimpleNamespace(violations=[], first=0.0, recorder=SimpleNamespace(
-        wait_for=lambda *_: None, sent_since=lambda _: [sent]))
-    assert in_corner(lambda _: 7.0)(context) == 7.0
-    assert context.violations == text

@@ -15,14 +15,12 @@
 
 import contextlib
 import json
-import os
 import socket
 import subprocess
 import sys
-import time
 from xml.etree import ElementTree as ET
 
-from benchmarks.lossy_link import network
+from benchmarks.stop_matrix import network
 from kachaka_simple_control.ros import dds_transport
 from program import COMMAND
 import pytest
@@ -217,20 +215,6 @@ def matching_times(count):
 
 
 @pytest.mark.slow
-def test_a_robot_with_the_range_localhost_need_not_be_waited_for():
-    """
-    It receives no multicast, and announces itself every 3 s.
-
-    Whoever waits for that takes 3 s each but the first.  Of those that greet it, half are quick
-    enough for its answer, even where it has nothing else to do; so one of eleven must be.
-    """
-    needs_fast_dds()
-    with running(ROBOT):
-        time.sleep(1.0)  # at first it announces itself more often
-        assert matching_times(12)[-1] < QUICK
-
-
-@pytest.mark.slow
 def test_a_robot_with_the_range_localhost_is_matched_among_many_nodes():
     """It announces itself to the first 32 participants alone, and the newcomer is none of them."""
     needs_fast_dds()
@@ -332,24 +316,6 @@ def test_tools_with_other_settings_receive_from_a_localhost_only_program():
                 assert int(result.stdout) >= 1
         finally:
             publisher.kill()
-
-
-def test_a_profile_of_the_user_is_not_replaced():
-    needs_fast_dds()
-    name = dds_transport.PROFILES[dds_transport._fast_dds()[0]]
-    before = dict(os.environ)
-    try:
-        for variable in dds_transport.CHOICES:
-            os.environ.pop(variable, None)
-        os.environ[name] = 'own.xml'
-        dds_transport.use_udp_transport()
-        dds_transport.use_localhost_only()
-        assert os.environ[name] == 'own.xml'
-        assert dds_transport.TRANSPORTS not in os.environ
-        assert os.environ[dds_transport.RANGE] == 'LOCALHOST'
-    finally:
-        os.environ.clear()
-        os.environ.update(before)
 
 
 def test_on_humble_the_range_of_later_distros_is_no_choice(monkeypatch):

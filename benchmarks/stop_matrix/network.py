@@ -15,17 +15,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import contextlib
-import json
+import ctypes
+import itertools
 import os
 from pathlib import Path
 import shutil
 import subprocess
 from types import TracebackType
 
-#: The prefix of a namespace's name; the id of the process that made it and its end follow.
-PREFIX = 'kachaka_lossy'
+from kachaka_simple_control.ros.dds_transport import CHOICES
+from program import environment
+
+_NUMBERS = itertools.count(1)
+#: The prefix of a namespace's name; process id, end and number follow.
+PREFIX = 'kachaka_link'
 NODE, ROBOT = 'node', 'robot'
 #: Addresses reserved for network benchmarks (RFC 2544).
 ADDRESSES = {NODE: '198.18.0.1', ROBOT: '198.18.0.2'}
@@ -33,6 +38,9 @@ INTERFACE = 'veth0'
 #: The required commands, and their packages.
 TOOLS = {'ip': 'iproute2', 'nft': 'nftables'}
 NAMESPACES = Path('/run/netns')
+CLONE_NEWNET = 0x40000000
+#: With these, DDS uses the network; without them, the shared memory of both ends, or loopback.
+SETTINGS = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
 
 #: Only packets from the peer are dropped, because a multicast also returns to its sender.
 RULES = """
@@ -43,7 +51,6 @@ table ip loss {{
     }}
     chain loss_rule {{
         {loss_rule}
-        counter
     }}
 }}
 """
@@ -57,7 +64,8 @@ class Network:
     """A context manager for a network with a node's end and a robot's end."""
 
     def __init__(self) -> None:
-        self._names = {end: f'{PREFIX}-{os.getpid()}-{end}' for end in ADDRESSES}
+        number = next(_NUMBERS)
+        self._names = {end: f'{PREFIX}-{os.getpid()}-{end}-{number}' for end in ADDRESSES}
 
     def __enter__(self) -> Network:
         """
@@ -83,24 +91,31 @@ class Network:
         """Return the command line that runs a command at one end of the network."""
         return [_tool('ip'), 'netns', 'exec', self._names[end], *command]
 
+    @staticmethod
+    def environment(**variables: str) -> dict[str, str]:
+        """Return the environment of a program at an end, with more variables."""
+        kept = {name: value for name, value in environment().items() if name not in CHOICES}
+        return {**kept, **SETTINGS, **variables}
+
+    @contextlib.contextmanager
+    def entered(self, end: str) -> Iterator[None]:
+        """Let the sockets and threads that this thread makes in a block belong to one end."""
+        libc = ctypes.CDLL(None, use_errno=True)
+        with Path('/proc/thread-self/ns/net').open('rb') as ours, (
+                NAMESPACES / self._names[end]).open('rb') as there:
+            if libc.setns(there.fileno(), CLONE_NEWNET):
+                raise NetworkError(os.strerror(ctypes.get_errno()))
+            try:
+                yield
+            finally:
+                libc.setns(ours.fileno(), CLONE_NEWNET)
+
     def set_loss(self, percent: int) -> None:
         """Set the packet loss [%]: drop packets at random in both directions."""
         for end, peer in ((NODE, ROBOT), (ROBOT, NODE)):
-            loss_rule = f'numgen random mod 100 < {percent} counter drop' if percent else ''
+            loss_rule = f'numgen random mod 100 < {percent} drop' if percent else ''
             self._nft(end, 'flush ruleset')
             self._nft(end, RULES.format(peer=ADDRESSES[peer], loss_rule=loss_rule))
-
-    def packet_counts(self) -> tuple[int, int]:
-        """Return the numbers of lost and of received packets since ``set_loss``."""
-        lost = arrived = 0
-        for end in ADDRESSES:
-            for rule in self._rules(end):
-                packets = next((e['counter']['packets'] for e in rule if 'counter' in e), 0)
-                if any('drop' in expression for expression in rule):
-                    lost += packets
-                else:
-                    arrived += packets
-        return lost, arrived
 
     def disconnect(self) -> None:
         """Disconnect the ends: set the robot's interface down, so the node's loses its carrier."""
@@ -136,11 +151,6 @@ class Network:
 
     def _nft(self, end: str, text: str) -> None:
         _run(*self.command(end, [_tool('nft'), '-f', '-']), text=text)
-
-    def _rules(self, end: str) -> list[list[dict[str, dict[str, int]]]]:
-        printed = _run(*self.command(end, [_tool('nft'), '-j', 'list', 'ruleset']))
-        return [entry['rule']['expr'] for entry in json.loads(printed)['nftables']
-                if 'rule' in entry]
 
 
 def unavailable_reason() -> str | None:
