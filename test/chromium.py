@@ -39,9 +39,7 @@ def start(profile: Path, display: str | None = None, **capabilities: object) -> 
     """
     Start a browser with a profile, and return its selenium driver.
 
-    :param profile: the folder of the profile
     :param display: the X11 screen for its windows; None for a browser without windows
-    :param capabilities: the capabilities of Chromium, without their prefix
     """
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service

@@ -53,15 +53,9 @@ class ClosedLoopDrive:
     """
     A drive of a simulated robot, with feedback or without.
 
-    :param parameters: of the robot
     :param delay: what feedback takes for its delay [s]; None for an open loop
-    :param motion: what to drive
     :param rate: how often a velocity is sent [Hz]
-    :param seed: of the noise
-    :param read: what becomes of each pose of odometry
     :param factor: the speed factor at a time [s after t = 0]
-    :param knows_odometry: whether feedback knows how odometry differs from the floor
-    :ivar sent: the ticks and what was sent for them
     """
 
     parameters: SimulationParameters
@@ -116,12 +110,7 @@ class ClosedLoopDrive:
 
 
 def random_robots(count: int, seed: int) -> Iterator[tuple[SimulationParameters, float]]:
-    """
-    Yield robots that are not calibrated, and their delays, each wrong by up to 20 ms [s].
-
-    :param count: how many
-    :param seed: of the numbers
-    """
+    """Yield robots that are not calibrated, and their delays, each wrong by up to 20 ms [s]."""
     numbers = random.Random(seed)
     for _ in range(count):
         parameters = SimulationParameters(

@@ -40,10 +40,8 @@ class Result:
     The result of a scenario.
 
     :param drift: distance driven after the fault [m]
-    :param after_stop: how many velocities reached it after the zero that followed the fault
-    :param late: how long after the commander's zero the last velocity reached it [s]; with a
-        fault that has no commander's zero, after the fault
-    :param said: what the bridge said
+    :param late: how long after the commander's zero the last velocity reached it [s]; with a fault
+        that has no commander's zero, after the fault
     """
 
     drift: float

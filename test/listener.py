@@ -93,13 +93,7 @@ class Listener:
         """
         Make the node, which spins within the ``with`` block.
 
-        :param namespace: of the robot
-        :param serves: whether there is a service
-        :param grants: whether the service succeeds
         :param delay: of its response [s]
-        :param reason: its message when it fails
-        :param quality: QoS of the subscription
-        :param topic: where it takes velocities, and of which type
         """
         self.received: list[SentVelocity] = []
         self.answered: list[tuple[float, bool]] = []
@@ -149,8 +143,6 @@ class Listener:
         """
         Wait for a velocity.
 
-        :param condition: returns whether a velocity is the one
-        :param after: number of velocities to leave out
         :param timeout: how long to wait [s]
         :returns: the first that meets the condition; None if none came in time
         """

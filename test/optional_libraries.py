@@ -59,7 +59,6 @@ def lack(name: str) -> str | None:
     """
     Return why tests that need a module are to be skipped.
 
-    :param name: the module
     :returns: the reason; None if the module is there
     """
     try:

@@ -54,9 +54,7 @@ class Program:
 
     What it prints goes to a file, which cannot be full as a pipe that nobody reads.
 
-    :param command: program and arguments
     :param log: that file; None for one without a name
-    :param options: of ``Popen``, before those given here
     """
 
     #: How long it may take to end after the block before it is killed [s].
@@ -126,8 +124,6 @@ class Program:
         End it and what it has started; harmless if that is done.
 
         :param timeout: how long it may take to end without standard input before it is killed [s]
-        :param signum: sent to its session first; 0 for none
-        :returns: whether what it has started ended by itself, as a guardian that sends zeros does
         """
         if self._log.closed:
             return True

@@ -54,7 +54,6 @@ class SimulatedDrive:
 
     :param rate: how often a velocity is sent [Hz]
     :param lateness: how late a message is, given its number [s]; by default a fraction of a ms
-    :param parameters: of the robot
     :param odometry_period: between two poses [s]; None if none arrives
     """
 
@@ -92,7 +91,6 @@ class SimulatedDrive:
 
         :param until: when it is interrupted [s after t = 0]
         :param reason: why; None for no event of its end
-        :param is_fault: whether that is a fault
         :param lost: from when to when nothing is sent [s after t = 0]
         :param factors: when the speed factor is set [s after t = 0], and its parts by name
         """

@@ -48,7 +48,6 @@ class Stall:
 
     :param begin: when it began [s, steady clock]
     :param end: when it ended [s, steady clock]
-    :param core: the number of the core
     """
 
     begin: float
@@ -65,11 +64,7 @@ class Stall:
 
 
 class StallObservers:
-    """
-    The observers of all cores, and what they saw.
-
-    :param folder: where each writes its file
-    """
+    """The observers of all cores, and what they saw."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

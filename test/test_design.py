@@ -135,11 +135,6 @@ def test_a_wrong_row_is_found(file, name, wrong):
     assert found is None if wrong is None else wrong in found
 
 
-def test_there_are_tables_for_beginners_and_on_libraries():
-    assert len(TABLES['Where to begin']) >= 30
-    assert len(TABLES['Why not a library']) == 8
-
-
 def test_layers_are_those_of_the_import_contract():
     contract = re.search(r'^layers = (\[.*?^\])', (ROOT / 'pyproject.toml').read_text(),
                          re.DOTALL | re.MULTILINE)

@@ -18,7 +18,6 @@ from __future__ import annotations
 import ast
 import fcntl
 from pathlib import Path
-import re
 import shutil
 import textwrap
 
@@ -30,14 +29,12 @@ from doc_blocks import (
     LIBRARIES,
     needed,
     NOT_RUN,
-    placeholders,
 )
 from doc_output import compare
 from doc_runner import Reader, searched
 from program import ROOT
 import pytest
 
-EXAMPLES = sorted(ROOT.glob('examples/*.py'))
 ALL = [block for path in DOCUMENTS for block in blocks(path)]
 
 needs_source = pytest.mark.skipif(
@@ -50,13 +47,6 @@ def test_every_block_of_commands_has_a_mark(block):
         f'{block}: say above this block whether its commands are tested: <!-- test: run -->, or '
         '<!-- test: not run: WHY -->; doc_blocks.py lists all marks')
     assert block.is_run or NOT_RUN.fullmatch(block.mark), (
-        f'{block}: {block.mark!r} is no mark; doc_blocks.py lists them at its top')
-
-
-@pytest.mark.parametrize('block', [b for b in ALL if b.language not in COMMANDS], ids=str)
-def test_other_marks_are_known(block):
-    known = ('', 'fragment', 'output', *(['run'] if block.language == 'python' else []))
-    assert block.mark in known or block.file, (
         f'{block}: {block.mark!r} is no mark; doc_blocks.py lists them at its top')
 
 
@@ -77,44 +67,12 @@ def test_a_whole_program_also_runs_without_an_entry_point(block):
 
 
 @needs_source
-def test_the_first_page_has_a_row_for_each_page():
-    text = ROOT.joinpath('docs', 'index.md').read_text()
-    table, _, tree = text.partition('```{toctree}')
-    pages = re.findall(r'^([a-z_]+(?:/[a-z_]+)?)$', tree, re.MULTILINE)
-    assert 'console' in pages
-    assert [page for page in pages if f'({page}.md)' not in table] == []
-
-
-@pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
-def test_no_placeholder_is_left(path):
-    left = placeholders(path.read_text())
-    assert not left, f'{path.relative_to(ROOT)}: lines {left} wait for what should stand there'
-
-
-@pytest.mark.parametrize('line', ['FAULTS', '  LATENCY ', 'TODO', 'Say why (TODO).', 'TABLE_2'])
-def test_placeholders_are_found_but_not_within_blocks(line):
-    assert placeholders(f'# Title\n\n{line}\n\nText.') == [3]
-    assert placeholders(f'```text\n{line}\n```\n') == []
-
-
-@pytest.mark.parametrize('line', ['A sentence on ROS.', 'I', '| ROS | SDK |', '## ROS', ''])
-def test_text_is_no_placeholder(line):
-    assert placeholders(line) == []
-
-
-@needs_source
 @pytest.mark.parametrize('block', [b for b in ALL if b.is_run], ids=str)
 def test_every_make_target_is_run_by_ci_too(block):
     lines = ROOT.joinpath('.ci', 'run').read_text().splitlines()
     for line in block.text.splitlines():
         assert not line.startswith('make ') or line in lines, (
             f'{block}: .ci/run has no line {line!r}, so no check would fail if it broke')
-
-
-def test_every_example_is_shown():
-    shown = ROOT.joinpath('docs', 'examples.md')
-    assert not EXAMPLES or all(f'../examples/{path.name}' in shown.read_text()
-                               for path in EXAMPLES)
 
 
 @pytest.mark.parametrize('quoted, printed, same', [

@@ -14,8 +14,6 @@
 """What the package needs, and what it does not."""
 
 import ast
-import os
-from pathlib import Path
 import subprocess
 import sys
 
@@ -103,23 +101,6 @@ node.stop_robot()
     with program([sys.executable, '-c', text], tmp_path) as started:
         assert started.end() == 0, started.text
     assert len(listener.moves()) == 2
-
-
-@pytest.mark.ros
-@pytest.mark.parametrize('folder', ['.', 'kachaka_simple_control'])
-def test_the_nodes_file_can_be_run_as_the_shebang_suggests(
-        listener, tmp_path, monkeypatch, folder):
-    file = ROOT / 'kachaka_simple_control' / 'kachaka_simple_control.py'
-    assert file.read_text().startswith('#!/usr/bin/env python3\n')
-    monkeypatch.chdir(ROOT / folder)
-    path = file.relative_to(Path.cwd())
-    # Without a search path that finds the package by itself; a sourced ROS is found by one.
-    others = [entry for entry in os.environ.get('PYTHONPATH', '').split(os.pathsep)
-              if entry and not Path(entry, 'kachaka_simple_control').is_dir()]
-    command = ['env', f'PYTHONPATH={os.pathsep.join(others)}', sys.executable, str(path)]
-    with program(command, tmp_path) as started:
-        assert listener.wait_for(lambda velocity: velocity.moves).linear_x == 0.1
-        assert 'Robot control node has started' in started.text
 
 
 def test_the_pure_core_imports_only_the_standard_library():

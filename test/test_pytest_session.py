@@ -15,13 +15,11 @@
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Iterator
 import os
 import subprocess
 import sys
 
-from optional_libraries import lack, MISSING, optional_imports
+from optional_libraries import lack
 from program import ROOT
 import pytest
 
@@ -45,50 +43,6 @@ def test_a_plugin_of_ros_that_does_not_know_this_pytest_does_no_harm(tmp_path, n
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, paths))})
     assert result.returncode == 0, result.stdout + result.stderr
     assert 'test_text.py::' in result.stdout
-
-
-def executed_on_import(node: ast.AST) -> Iterator[ast.AST]:
-    """Return what is executed when a module is imported: all but the bodies of functions."""
-    for inner in ast.iter_child_nodes(node):
-        if isinstance(inner, (ast.AsyncFunctionDef, ast.FunctionDef)):
-            for decorator in inner.decorator_list:
-                yield decorator
-                yield from executed_on_import(decorator)
-        elif not isinstance(inner, ast.Lambda):
-            yield inner
-            yield from executed_on_import(inner)
-
-
-def skips_on_import(text: str) -> list[int]:
-    """Return the lines of a module that skip it as a whole."""
-    found = []
-    for node in executed_on_import(ast.parse(text)):
-        names = {getattr(node, 'attr', None), getattr(node, 'id', None)}
-        is_skip = isinstance(node, ast.Call) and ast.unparse(node.func) in ('pytest.skip', 'skip')
-        if is_skip or names & {'importorskip', 'SkipTest'}:
-            found.append(node.lineno)
-    return found
-
-
-@pytest.mark.parametrize('path', sorted(TESTS.rglob('*.py')), ids=lambda path: path.stem)
-def test_no_module_is_skipped_as_a_whole(path):
-    """It would take the tests of others with it where a plug-in of ROS collects them."""
-    assert skips_on_import(path.read_text()) == [], (
-        'mark the tests instead: pytestmark = pytest.mark.needs(...), and let '
-        'optional_libraries.optional_imports() guard the import')
-
-
-@pytest.mark.parametrize('text, lines', [
-    ("import pytest\npytest.importorskip('rclpy')", [2]),
-    ("import pytest\nrclpy = pytest.importorskip('rclpy')", [2]),
-    ("from pytest import importorskip\nif True:\n    importorskip('rclpy')", [3]),
-    ("import pytest\npytest.skip('no', allow_module_level=True)", [2]),
-    ("import unittest\nraise unittest.SkipTest('no')", [2]),
-    ("@pytest.mark.skip(reason='no')\ndef test():\n    pytest.skip('no')", []),
-    ("pytestmark = pytest.mark.skipif(True, reason='no')", []),
-])
-def test_skips_of_modules_are_found(text, lines):
-    assert skips_on_import(text) == lines
 
 
 @pytest.mark.parametrize('name, reason', [
@@ -120,13 +74,3 @@ def test_another():
             [str(TESTS), str(ROOT), os.environ.get('PYTHONPATH', '')])})
     assert '1 passed, 2 skipped' in result.stdout, result.stdout + result.stderr
     assert 'needs no_such_library' in result.stdout
-
-
-def test_our_own_modules_are_not_optional():
-    with pytest.raises(ModuleNotFoundError), optional_imports():
-        import kachaka_simple_control.no_such_module  # noqa: F401
-    with pytest.raises(ImportError), optional_imports():
-        from optional_libraries import no_such_name  # noqa: F401
-    with optional_imports():
-        import no_such_library  # noqa: F401
-    assert list(MISSING) == []

@@ -90,25 +90,6 @@ def test_a_trial_is_not_repeated_otherwise(run):
     assert 'repeated because the machine stood still: 0' in result.stdout
 
 
-def test_a_stall_before_a_trial_does_not_count(run):
-    result = run('see_stall()\n' + FAILS)
-    assert result.returncode == 1, result.stdout
-    assert 'trial 2' not in result.stdout
-
-
-def test_a_test_without_the_mark_is_not_repeated(run):
-    result = run(FAILS_ONCE.replace('@pytest.mark.ros', ''))
-    assert result.returncode == 1, result.stdout
-    assert 'real-time trials' not in result.stdout
-
-
-def test_a_trial_that_always_fails_fails(run):
-    result = run(FAILS.replace('assert', 'see_stall(); assert'))
-    assert result.returncode == 1, result.stdout
-    assert 'trial 3' in result.stdout
-    assert 'trial 4' not in result.stdout
-
-
 def test_a_run_with_too_many_repeated_trials_fails(run):
     result = run("""
 failed = set()

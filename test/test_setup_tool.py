@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-import ast
 import os
 from pathlib import Path
 import re
@@ -107,10 +106,6 @@ def test_refuses_in_one_line_what_cannot_work(start, pretend, words):
     assert [word for word in words if word not in line] == []
 
 
-def test_the_script_can_be_parsed_by_python_3_6():
-    ast.parse(TOOLS.joinpath('set_up.py').read_text(), feature_version=(3, 6))
-
-
 @pytest.mark.slow
 def test_a_missing_network_is_reported_in_one_line(start, tmp_path):
     tmp_path.joinpath('requirements', 'build.txt').write_text(
@@ -120,32 +115,6 @@ def test_a_missing_network_is_reported_in_one_line(start, tmp_path):
     assert 'with pip it takes longer' in result.stdout
     assert tmp_path.joinpath('.venv', tool.LOG).read_text()
     assert not tmp_path.joinpath('.venv', tool.STAMP).exists()
-
-
-def test_readme_says_what_a_machine_without_ros_needs():
-    readme = ' '.join(ROOT.joinpath('README.md').read_text().split())
-    libc = '.'.join(map(str, tool.GLIBC))
-    assert f'Linux on x86-64 with glibc {libc} or newer' in readme
-    assert f'Python 3.10 to 3.{tool.NEWEST_PYTHON[1]}: for others PyPI' in readme
-
-
-@pytest.mark.needs('yaml')
-def test_no_workflow_gives_make_a_distro_that_it_refuses():
-    """``make`` takes ``DISTRO`` from the environment, too."""
-    import yaml
-    given = []
-    for file in ROOT.glob('.github/workflows/*.yml'):
-        workflow = yaml.safe_load(file.read_text())
-        for job in workflow['jobs'].values():
-            matrix = job.get('strategy', {}).get('matrix', {})
-            named = [part['env']['DISTRO'] for part in (workflow, job, *job['steps'])
-                     if 'DISTRO' in part.get('env', {})]
-            for step in job['steps']:
-                named += re.findall(r'\bDISTRO=(\$\{\{.*?\}\}|\S+)', step.get('run', ''))
-            for name in named:
-                listed = re.fullmatch(r'\$\{\{ *matrix\.(\w+) *\}\}', name)
-                given += matrix[listed[1]] if listed else [name]
-    assert set(given) <= set(tool.DISTROS)
 
 
 @pytest.mark.slow
@@ -202,15 +171,6 @@ def test_a_python_that_is_an_environment_itself_is_refused_with_the_reason(
     assert f'{python} is itself a virtual environment' in line
     assert f'{python} -m pip install -e .' in line
     assert not tmp_path.joinpath('.venv', tool.STAMP).exists()
-
-
-def test_the_name_of_a_distro_alone_is_no_ros(monkeypatch):
-    monkeypatch.setenv('ROS_DISTRO', 'humble')
-    monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
-    monkeypatch.setattr(tool.sys, 'executable', shutil.which('false'))
-    monkeypatch.setattr(tool.platform, 'machine', lambda: 'x86_64')
-    monkeypatch.setattr(tool.platform, 'libc_ver', lambda: ('glibc', '2.35'))
-    assert tool.choose_ros(None) == ('jazzy', False)
 
 
 def test_the_linters_of_humble_are_skipped_where_no_python_can_run_them(tmp_path):

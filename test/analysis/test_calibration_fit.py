@@ -26,7 +26,6 @@ from kachaka_simple_control.control.events import OdometryReceived
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.geometry import Pose
-from kachaka_simple_control.report.drive_plots import save_calibration_plot
 import pytest
 from simulated_drive import SimulatedDrive
 
@@ -67,20 +66,6 @@ def test_the_errors_of_a_robot_are_found(seed):
     assert math.degrees(abs(fit.veer.value - true.veer)) < 0.3, true
     assert fit.position_noise == pytest.approx(0.003, rel=0.2)
     assert math.degrees(fit.heading_noise) == pytest.approx(0.5, rel=0.2)
-
-
-def test_without_noise_the_fit_is_nearly_exact():
-    true = replace(robot(3), odometry_noise=0.0, heading_noise=0.0)
-    fit = fit_calibration(drive(true))
-    assert fit.gains['forward'].value == pytest.approx(true.linear_gain, rel=5e-4)
-    assert fit.gains['left'].value == pytest.approx(true.angular_gain, rel=5e-4)
-    calibration = fit.calibration('today', 'tiles')
-    assert (calibration.date, calibration.floor) == ('today', 'tiles')
-    assert calibration.backward_gain == pytest.approx(
-        true.linear_gain * true.backward_gain, rel=5e-4)
-    assert calibration.right_gain == pytest.approx(true.angular_gain * true.right_gain, rel=5e-4)
-    assert calibration.veer == pytest.approx(true.veer, abs=2e-4)
-    assert calibration.delay == pytest.approx(true.dead_time + true.lag, abs=0.01)
 
 
 class Late:
@@ -195,20 +180,6 @@ def test_hostile_odometry_is_left_out():
 def test_what_the_drive_cannot_tell_is_refused_with_the_reason(change, reason):
     with pytest.raises(CalibrationError, match=reason):
         fit_calibration(drive(IDEAL, change=change))
-
-
-def test_the_plot_has_what_was_sent_seen_and_fitted(tmp_path):
-    pytest.importorskip('matplotlib', reason='needs matplotlib')
-    log = drive(replace(IDEAL, linear_gain=0.9))
-    save_calibration_plot(log, fit_calibration(log), tmp_path / 'fit.svg')
-    drawn = (tmp_path / 'fit.svg').read_text()
-    for name in ('sent', 'fit', 'odometry'):
-        assert drawn.count(f'id="{name}"') == 2
-
-
-def test_too_much_noise_is_refused():
-    with pytest.raises(CalibrationError, match='too much noise'):
-        fit_calibration(drive(replace(IDEAL, odometry_noise=0.05)))
 
 
 def test_a_drive_that_was_stopped_or_paused_is_refused():

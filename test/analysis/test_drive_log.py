@@ -21,15 +21,12 @@ from kachaka_simple_control.control.events import (
     MotionEnded,
     MotionPlanned,
     MotionStarted,
-    SessionEnded,
 )
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.text_tables import drive_table
 from messages import of_plan, of_prime, of_stop
-from outcome_logs import done
-from outcome_logs import stopped as stopped_square
 import pytest
 from simulated_drive import SimulatedDrive
 
@@ -70,29 +67,6 @@ def test_the_zero_of_the_stop_ends_the_step_it_fell_into():
     movement = stopped(0.5).steps[-1]
     assert movement.sent[-1] == of_stop(pytest.approx(100.47))
     assert {sent.velocity for sent in movement.sent[:-1]} == {Velocity(0.1, 0.0)}
-
-
-def test_a_motion_that_never_began_has_no_steps():
-    """For example because no robot was found."""
-    record = DriveLog()
-    record.on_event(MotionPlanned(MOTION, Limits(0.3, 1.5), 10.0))
-    record.on_event(MotionEnded(3.0, 'no robot listens'))
-    assert record.steps == []
-    assert not record.motions[0].own_messages
-    assert drive_table(record, None).splitlines()[-1] == 'Final pose: unknown, no odometry arrived'
-
-
-def test_the_end_of_the_program_is_noted():
-    record = stopped(1.5)
-    record.on_event(SessionEnded(103.0, 0.2, 2))
-    assert record.session_ended == SessionEnded(103.0, 0.2, 2)
-    assert len(record.sent) == len(record.motions[0].sent)
-
-
-def test_the_step_that_was_cut_short_is_marked_in_the_table():
-    rows = drive_table(stopped_square(), 0.1).splitlines()[2:-2]
-    assert [row.count('; cut short') for row in rows] == [0] * (len(rows) - 1) + [1]
-    assert 'cut short' not in drive_table(done(), 0.1)
 
 
 def test_a_calibrated_drive_is_logged_as_what_the_robot_makes_of_it():

@@ -17,7 +17,7 @@ from dataclasses import astuple
 from itertools import pairwise
 import math
 
-from flow_motions import FLOWS, QUARTER, ROUNDED, ROUNDS, SIDE, TIGHT, TWO
+from flow_motions import FLOWS, QUARTER, ROUNDED, ROUNDS, SIDE, TIGHT
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.analysis.flows import (
@@ -31,15 +31,14 @@ from kachaka_simple_control.analysis.paths import (
     BEND,
     ChainSegment,
     polyline,
-    sample_path,
     step_segments,
     uncut_path,
 )
 from kachaka_simple_control.analysis.plan_view import estimate_sleep_loop
-from kachaka_simple_control.motion.geometry import distance_between, Pose
+from kachaka_simple_control.motion.geometry import distance_between
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Turn
-from plans import GENTLE, preview, SQUARE
+from kachaka_simple_control.motion.steps import Motion, Repeat
+from plans import GENTLE, SQUARE
 import pytest
 
 RATES = st.sampled_from([5.0, 10.0, 20.0, 50.0, 100.0])
@@ -94,37 +93,6 @@ def test_all_poses_of_a_corner_lie_on_its_path(motion, rate, count):
             assert all(abs(two - one) <= 1.2 * BEND for one, two in pairwise(headings))
 
 
-def test_a_symmetric_corner_has_its_middle_on_the_diagonal():
-    part = step_segments(plan(ROUNDED, GENTLE, 20.0))[1][0]
-    middle = part.middle
-    assert middle.theta == pytest.approx(math.pi / 4.0)
-    assert math.hypot(0.5 - middle.x, middle.y) == pytest.approx(0.05, abs=1e-6)
-    assert 0.5 - middle.x == pytest.approx(middle.y)
-
-
-def test_the_arrow_of_a_corner_driven_backwards_points_backwards():
-    motion = Motion('back', (Forward(-0.5), Turn(QUARTER), Forward(-0.5)), corners=0.05)
-    part = step_segments(plan(motion, GENTLE, 20.0))[1][0]
-    assert part.distance < 0.0
-    assert part.middle.theta == pytest.approx(math.pi * 1.25)
-
-
-def test_the_floor_is_that_of_the_cut_path():
-    motion = Motion(
-        'roof', (Turn(math.pi / 4.0), Forward(0.5), Turn(QUARTER), Forward(0.5)), corners=0.05)
-    view = preview(motion, footprint=None)
-    assert view.floor.width == pytest.approx(0.5 * math.sqrt(0.5) - 0.05, abs=1e-4)
-
-
-def test_a_sampled_path_cuts_the_corners():
-    poses = sample_path(plan(ROUNDED, GENTLE, 20.0), Pose(1.0, 2.0, QUARTER))
-    nearest = min(math.hypot(pose.x - 1.0, pose.y - 2.5) for pose in poses)
-    assert nearest == pytest.approx(0.05, abs=1e-3)
-    assert distance_between(poses[-1], Pose(1.0, 2.0, QUARTER)) == pytest.approx(
-        (0.0, 0.0), abs=1e-9)
-    assert len(sample_path(plan(ROUNDED, GENTLE, 20.0), most=20)) == 20
-
-
 @given(FLOWS, RATES)
 def test_the_legs_are_those_of_a_motion_with_stops(motion, rate):
     planned = plan(motion, GENTLE, rate)
@@ -170,9 +138,3 @@ def test_the_loop_of_the_lesson_drives_each_repetition_as_it_is_planned():
         estimate_sleep_loop([plan(Motion('', steps, corners=0.05), GENTLE, 20.0)])
         for steps in ((Repeat(4, SIDE),), SIDE * 4))
     assert astuple(repeated) == pytest.approx(astuple(listed), abs=1e-9)
-
-
-def test_two_flows_are_separated_by_a_rest():
-    planned = plan(TWO, GENTLE, 20.0)
-    assert [step.joins_next for step in planned.steps] == [
-        True, True, False, False, True, True, False]

@@ -24,7 +24,7 @@ from kachaka_simple_control.analysis.paths import PoseHistory, sample_path, SPAC
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.motion.steps import Arc, Motion, Move, Repeat, Turn
+from kachaka_simple_control.motion.steps import Motion, Move, Repeat
 import pytest
 from strategies import MOTIONS
 
@@ -48,22 +48,6 @@ def test_a_planned_path_begins_and_ends_where_the_robot_does(motion, start, most
         assert one == pytest.approx(other, abs=1e-6)
     if len(poses) > 1:
         assert math.cos(poses[-1].theta - exact[-1].theta) == pytest.approx(1.0, abs=1e-6)
-
-
-def test_a_straight_line_is_two_poses():
-    assert len(path_of(Move(0.1, 0.0, 5.0))) == 2
-
-
-def test_a_circle_is_round():
-    poses = path_of(Arc(radius=0.5, angle=math.tau))
-    assert len(poses) == 91
-    assert all(math.hypot(pose.x, pose.y - 0.5) == pytest.approx(0.5) for pose in poses)
-
-
-def test_headings_of_a_turn_in_place_are_close_together():
-    poses = path_of(Turn(angle=math.pi / 2.0))
-    assert {(pose.x, pose.y) for pose in poses} == {(0.0, 0.0)}
-    assert max(b.theta - a.theta for a, b in pairwise(poses)) <= TURN + 1e-9
 
 
 @pytest.mark.parametrize('times', [30, 300, 3000])
@@ -108,11 +92,3 @@ def test_a_full_history_is_thinned_from_end_to_end():
     assert history.kept[0] == 0.0
     assert history.kept[-1] > 109.0
     assert max(gaps) <= 2.5 * min(gaps)
-
-
-def test_each_kept_pose_is_converted_once():
-    made = []
-    history = PoseHistory(4, lambda pose: made.append(pose.x) or pose.x)
-    for number in range(50):
-        history.add(Pose(float(number)))
-    assert len(made) == len(set(made))

@@ -61,8 +61,3 @@ def test_bands_hold_every_value(corners):
                    or math.isclose(band.begin, moment)) if len(found) == 1 else (
             max((band for band in found if band.begin <= moment), key=lambda band: band.begin),)
         assert band.lowest <= value <= band.highest
-
-
-def test_a_value_lasts_into_the_bands_after_it():
-    assert min_max_decimate([(0.0, 1.0), (2.5, 0.0)], 4.0, 4) == [
-        (0.0, 1.0, 1.0), (1.0, 1.0, 1.0), (2.0, 0.0, 1.0)]

@@ -106,23 +106,6 @@ def test_a_node_that_slept_through_its_stop_shows_the_whole_movement(asleep):
     assert driven(record.odometry, *cuts).distance == pytest.approx(0.3, abs=1e-9)
 
 
-def test_odometry_that_ends_just_after_the_last_zero_counts():
-    record = record_of([Move(0.3, 0.0, 1.0)])
-    record.odometry[:] = [seen for seen in record.odometry if seen.time < 101.03]
-    cuts = segment_odometry(record.steps, record.odometry)
-    assert cuts[-1] == record.odometry[-1].time
-    assert driven(record.odometry, *cuts).distance == pytest.approx(0.3, abs=1e-9)
-
-
-def test_odometry_that_comes_during_the_first_rest_is_early_enough():
-    """Its discovery may take longer than that of the subscription to our velocities."""
-    record = record_of(STEPS)
-    del record.odometry[:30]
-    cuts = segment_odometry(record.steps, record.odometry)
-    assert cuts[0] == record.odometry[0].time
-    assert driven(record.odometry, cuts[0], cuts[1]) == Displacement(0.0, 0.0)
-
-
 def test_the_steps_of_one_run_share_its_messages():
     """What is sent for each is what it asks for, up to rounding of times."""
     steps = [Forward(0.2), Wait(0.5), Arc(-0.3, 1.0), Turn(-2.0), Move(0.1, 0.2, 0.33)]
@@ -147,13 +130,6 @@ def test_the_steps_of_one_run_share_its_messages():
         assert told.angle == pytest.approx(wanted.angle, abs=1e-9)
 
 
-def test_the_cuts_are_in_order():
-    record = record_of([Move(0.0, 0.0, 0.1), Move(0.1, 0.0, 0.1), Move(0.0, 0.0, 0.1)])
-    cuts = segment_odometry(record.steps, record.odometry)
-    assert cuts == sorted(cuts)
-    assert len(cuts) == 4
-
-
 @given(st.lists(st.tuples(st.floats(0.001, 1.0), st.floats(-0.3, 0.3)), min_size=1, max_size=20))
 def test_what_was_sent_is_each_velocity_until_the_next(pairs):
     now, messages = 0.0, []
@@ -170,13 +146,6 @@ def test_odometry_that_does_not_cover_a_movement_gives_no_displacement():
     assert driven([OdometryReceived(0.5, ORIGIN), OdometryReceived(2.0, ORIGIN)], 0.0, 1.0) is None
 
 
-def test_turning_past_half_a_circle_is_no_jump():
-    odometry = [OdometryReceived(0.1 * k, Pose(0.0, 0.0, math.remainder(0.5 * k, math.tau)))
-                for k in range(21)]
-    seen = driven(odometry, 0.0, 2.0)
-    assert seen.angle == pytest.approx(10.0)
-
-
 def test_the_table_shows_each_movement_and_where_it_ended():
     lines = drive_table(record_of(STEPS), 0.034).splitlines()
     assert lines[0].split() == ['movement', 'requested', 'sent', 'odometry']
@@ -185,31 +154,3 @@ def test_the_table_shows_each_movement_and_where_it_ended():
     assert len(lines) == 2 + len(STEPS) + 2
     assert lines[-2] == 'Stop: confirmed by odometry after 0.03 s'
     assert lines[-1].startswith('Final pose by odometry: x ')
-
-
-@pytest.mark.parametrize('widest, columns', [
-    (None, 'movement requested sent odometry'), (80, 'movement sent odometry'),
-    (60, 'movement odometry'), (40, 'movement odometry')])
-def test_a_narrow_terminal_gets_fewer_columns(widest, columns):
-    lines = drive_table(record_of(STEPS), 0.034, widest).splitlines()
-    assert max(map(len, lines)) <= (widest or 99)
-    assert lines[0].split() == columns.split()
-    assert lines[2 + len(STEPS)].startswith('Stop: confirmed by odometry')
-
-
-def test_what_rounds_to_zero_has_no_minus_in_the_table():
-    log = record_of([Move(-1e-7, -1e-7, 1.0)])
-    log.odometry[:] = [replace(seen, pose=Pose(-1e-6, -1e-6, -1e-6)) for seen in log.odometry]
-    table = drive_table(log, 0.034)
-    _, _, *rows, _, end = table.splitlines()
-    assert end == 'Final pose by odometry: x 0.0000 m, y 0.0000 m, heading 0.00 degrees'
-    assert [row.count(' 0.0000 m') for row in rows] == [3], 'all three columns round to zero'
-    assert '-0.0000' not in table
-
-
-def test_without_odometry_the_table_says_so():
-    record = record_of(STEPS)
-    record.odometry.clear()
-    for told in (drive_table(record, None), drive_table(DriveLog(), None)):
-        assert told.splitlines()[-2:] == [
-            'Stop: sent, not confirmed by odometry', 'Final pose: unknown, no odometry arrived']

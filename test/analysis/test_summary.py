@@ -15,21 +15,14 @@
 
 from dataclasses import replace
 
-from hypothesis import given
-from hypothesis import strategies as st
-from kachaka_simple_control.analysis.odometry_alignment import DeadReckoning
 from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.motion.geometry import (
     compose,
-    distance_between,
     ORIGIN,
     Pose,
-    relative_to,
-    Velocity,
 )
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.json_export import fields
-from messages import of_plan
 from outcome_logs import done, HELD_UP, lesson
 from plans import SQUARE
 import pytest
@@ -70,22 +63,3 @@ def test_after_a_motion_cut_short_the_next_plan_begins_where_the_messages_led():
     assert first.pose == ORIGIN
     assert second.pose.x == pytest.approx(0.5, abs=0.001)
     assert second.pose.y == pytest.approx(0.0, abs=0.001)
-
-
-POSES = st.builds(Pose, st.floats(-9, 9), st.floats(-9, 9), st.floats(-3, 3))
-
-
-@given(POSES, POSES)
-def test_a_relative_pose_can_be_converted_back(frame, pose):
-    distance, angle = distance_between(compose(frame, relative_to(frame, pose)), pose)
-    assert distance == pytest.approx(0.0, abs=1e-9)
-    assert angle == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_velocity_counts_for_the_command_timeout_at_most():
-    way = DeadReckoning(
-        [of_plan(1.0, Velocity(0.2, 0.0)), of_plan(3.0, Velocity(0.2, 0.0))], 0.3)
-    assert way.at(0.0) == ORIGIN
-    assert way.at(1.1).x == pytest.approx(0.02)
-    assert way.at(2.9).x == pytest.approx(0.06)
-    assert way.end.x == pytest.approx(0.12)

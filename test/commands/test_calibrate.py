@@ -82,20 +82,6 @@ def test_a_robot_of_a_file_keeps_all_that_its_file_says(tmp_path):
     assert '# ours' in (tmp_path / 'calibrated.yaml').read_text()
 
 
-def test_a_dry_run_shows_the_drive_and_drives_nothing(run, tmp_path):
-    code, output, errors, driven = run('--dry-run')
-    assert (code, errors, driven) == (0, '', [])
-    assert 'calibration on kachaka at 10 Hz' in output
-    assert 'Floor: 1.21 m x 0.46 m, the robot included' in output
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_no_corners_are_no_corners(run):
-    code, output, errors, _ = run('--dry-run', '--corners', '0')
-    assert (code, errors) == (0, '')
-    assert 'calibration on kachaka at 10 Hz' in output
-
-
 def test_a_real_robot_is_driven_only_after_somebody_has_confirmed(run, monkeypatch):
     code, _, errors, driven = run('--address', 'robot')
     assert (code, driven) == (2, [])
@@ -176,17 +162,6 @@ def test_what_was_measured_is_written_even_if_it_cannot_be_printed(run, monkeypa
     assert code == 1
     assert 'the result cannot be printed: No space left on device\n' in errors
     assert find_robot(tmp_path / 'my_kachaka.yaml').calibration.forward_gain == 0.95
-
-
-def test_a_drive_that_cannot_tell_writes_nothing(run, monkeypatch, tmp_path):
-    def refuse(log):
-        raise CalibrationError('the wheels slip')
-
-    monkeypatch.setattr(calibration_fit, 'fit_calibration', refuse)
-    code, _, errors, driven = run('--sim')
-    assert (code, errors) == (1, 'kachaka_calibrate: the wheels slip\n')
-    assert len(driven) == 1
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.ros

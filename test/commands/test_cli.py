@@ -46,12 +46,6 @@ def test_a_number_may_have_the_unit_of_its_option(words):
     assert (chosen.rate, chosen.simulation) == (50.0, ('--lag=0.1',))
 
 
-@pytest.mark.parametrize('arguments', [
-    ['--list'], ['--plan'], ['--plot', 'square.png'], ['--plan', '--rate', '20']])
-def test_previews_move_nothing(arguments):
-    assert parse(arguments).is_preview
-
-
 #: Command lines that are refused.
 REFUSED = (
     '--fast', '--rate fast',
@@ -101,11 +95,6 @@ def test_the_errors_of_the_simulated_robot_are_passed_on():
     assert parse(['--sim']).simulation == ()
 
 
-def test_a_motion_is_repeated_so_many_times():
-    assert parse(['square']).repeat == 1
-    assert parse(['square', '--repeat', '12']).repeat == 12
-
-
 @pytest.mark.parametrize('text, metres', [
     ('5cm', 0.05), ('5 cm', 0.05), ('50mm', 0.05), ('0.05m', 0.05), ('0', 0.0), ('0.0', 0.0),
     ('0 cm', 0.0), ('0m', 0.0), ('1 m', 1.0)])
@@ -131,23 +120,6 @@ def test_the_distribution_of_ros_is_known_without_its_variable(monkeypatch):
     monkeypatch.setattr(metadata, 'version', {'ros-kilted-rclpy': '9.1.2'}.__getitem__)
     monkeypatch.setattr(metadata, 'PackageNotFoundError', KeyError)
     assert ros_distro() == 'kilted'
-
-
-def test_the_examples_of_the_help_are_commands(capsys):
-    with pytest.raises(SystemExit):
-        parse(['--help'])
-    examples = re.findall(r'^  kachaka_simple_control (.*?)(?:   .*)?$', capsys.readouterr().out,
-                          re.MULTILINE)
-    assert len(examples) == 4
-    for example in examples:
-        parse(example.split())
-
-
-def test_help_names_the_exit_codes(capsys):
-    with pytest.raises(SystemExit) as caught:
-        parse(['--help'])
-    assert caught.value.code == 0
-    assert '3 no robot listens' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize('arguments, own, ros', [

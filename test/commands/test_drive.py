@@ -15,7 +15,6 @@
 
 import json
 from pathlib import Path
-import shlex
 import signal
 import time
 
@@ -85,20 +84,6 @@ def test_a_table_that_cannot_be_printed_is_one_line_after_the_drive(tmp_path):
     assert started.text.count('No space left') == 1
 
 
-def test_after_a_fault_there_is_a_table_too(tmp_path):
-    with program([*COMMAND, 'straight', '--sim'], tmp_path) as started:
-        started.wait_for_text('step 1 of 1')
-        time.sleep(0.5)
-        started.send(signal.SIGSTOP)
-        time.sleep(0.5)
-        started.send(signal.SIGCONT)
-        assert started.end() == 1
-    *_, row, _, pose, fault = started.text.splitlines()
-    assert row.startswith('forward 1 m; cut short')
-    assert pose.startswith('Final pose by odometry: ')
-    assert fault.startswith('kachaka_simple_control: the guardian stopped the robot: ')
-
-
 @pytest.mark.parametrize('signals, code', [
     ([signal.SIGINT] * 2, 130), ([signal.SIGTERM], 143)])
 def test_stopped_by_a_signal_it_says_so_once(signals, code, tmp_path):
@@ -120,15 +105,6 @@ def test_a_motion_that_the_robot_cannot_do_is_refused_before_anything_starts(lis
     assert f"{file}:3: step 2: turn.speed: 2.0 rad/s is above kachaka's limit of 1.57" in line
     assert listener.received == []
     assert listener.answered == []
-
-
-def test_the_name_of_a_motion_is_logged_escaped(listener, tmp_path):
-    file = tmp_path / 'odd.yaml'
-    file.write_text('name: "a\\e[31m\\n\\u202e\\x9b"\nsteps: [wait: 0.2 s]\n')
-    with program([*COMMAND, str(file)], tmp_path) as started:
-        assert started.end() == 0, started.text
-    assert all(line.isprintable() for line in started.text.splitlines())
-    assert r'Motion completed: a\x1b[31m\n\u202e\x9b, 1 step' in started.text
 
 
 def test_a_calibrated_robot_is_sent_what_makes_it_do_what_was_planned(listener, tmp_path):
@@ -190,14 +166,6 @@ def test_repeated_drives_have_numbered_reports_to_compare(tmp_path):
     assert 'drive 2 of 2' in started.text
     assert 'kachaka_compare all/* compares them' in started.text
     require_same([read_drive(tmp_path / 'all' / name) for name in '12'])
-
-
-def test_a_signal_ends_all_repeats(tmp_path):
-    with program([*COMMAND, 'straight', '--sim', '--repeat', '3'], tmp_path) as started:
-        started.wait_for_text('step 1 of 1')
-        started.send(signal.SIGINT)
-        assert started.end() == 130
-    assert 'drive 2' not in started.text
 
 
 def test_by_the_service_it_drives_and_stops(listener, tmp_path):
@@ -268,46 +236,6 @@ def test_enter_starts_the_motion_of_a_command_that_stands_by(listener):
     assert not listener.received[-1].moves
 
 
-def test_standing_by_in_the_background_it_reads_no_keyboard(tmp_path):
-    """A program that did would be suspended by the terminal."""
-    at_a_prompt = f'set -m; {shlex.join(COMMAND)} straight --wait & read; kill %1; wait %1'
-    with at_terminal(['/bin/bash', '-c', at_a_prompt], 200, 30) as shown:
-        shown.wait_for_text('Standing by')
-        shown.read_for(1.0)
-        shown.press(b'\r')
-        assert shown.end() == 143
-
-
-def test_standing_by_a_stop_is_confirmed_as_well(observer, tmp_path):
-    """Although the main thread, which served odometry, is busy with the signal."""
-    from std_srvs.srv import Trigger
-    with program([*COMMAND, 'straight', '--wait', '--sim'], tmp_path) as started:
-        started.wait_for_text('Standing by')
-        assert observer.call(Trigger, '/kachaka_simple_control/run', Trigger.Request()).success
-        started.wait_for_text('step 1 of 1')
-        time.sleep(0.5)
-        started.send(signal.SIGINT)
-        assert started.end() == 130
-    assert 'Stop: confirmed by odometry after 0.' in started.text
-
-
-@pytest.mark.parametrize('after', [0.0, 0.2])
-def test_a_request_that_is_stopped_at_once_moves_nothing(listener, tmp_path, after):
-    """Although the robot is not taken yet: success means that nothing moves from now on."""
-    with program([*COMMAND, 'straight', '--wait'], tmp_path) as started:
-        started.wait_for_text('Standing by')
-        assert listener.call('run').success
-        time.sleep(after)
-        assert listener.call('stop').success
-        stopped = time.time()
-        time.sleep(3.0)
-        assert not [velocity for velocity in listener.received
-                    if velocity.moves and velocity.time > stopped]
-        # Until the next call.
-        assert listener.call('run').success
-        listener.wait_for(lambda velocity: velocity.moves)
-
-
 def test_a_stop_that_is_not_confirmed_is_not_answered_with_success(listener, tmp_path):
     from nav_msgs.msg import Odometry
     odometry = listener._node.create_publisher(Odometry, 'odometry/odometry', 10)
@@ -325,31 +253,6 @@ def test_a_stop_that_is_not_confirmed_is_not_answered_with_success(listener, tmp
     assert answer.message.startswith('the stop is unconfirmed')
 
 
-def test_standing_by_the_main_thread_only_waits(listener, tmp_path):
-    """Ctrl+C while rclpy made a message there came out as a TypeError and blocked the node."""
-    text = """
-import threading
-from rclpy.executors import Executor
-wait, waiting = Executor.wait_for_ready_callbacks, set()
-def noted(self, *args, **kwargs):
-    if threading.current_thread() not in waiting:
-        waiting.add(threading.current_thread())
-        print('served by', threading.current_thread().name, flush=True)
-    return wait(self, *args, **kwargs)
-Executor.wait_for_ready_callbacks = noted
-from kachaka_simple_control.commands.drive_or_preview import main
-exit(main(['straight', '--wait']))
-"""
-    with script(text, tmp_path) as started:
-        started.wait_for_text('Standing by')
-        assert listener.call('run').success
-        started.wait_for_text('step 1 of 1')
-        started.send(signal.SIGINT)
-        assert started.end() == 130
-    served = [line for line in started.text.splitlines() if line.startswith('served by')]
-    assert served == ['served by executor']
-
-
 def test_a_command_that_cannot_leave_the_graph_ends_all_the_same(listener, tmp_path):
     """Fast DDS may hang, and Python may run nothing meanwhile."""
     text = """
@@ -365,14 +268,6 @@ exit(main(['straight', '--wait']))
         started.send(signal.SIGINT)
         assert started.end() == 1
     assert 'Timeout (0:00:02' in started.text
-
-
-def test_standing_by_without_a_drive_prints_no_table(tmp_path):
-    with program([*COMMAND, 'straight', '--wait', '--sim'], tmp_path) as started:
-        started.wait_for_text('Standing by')
-        started.send(signal.SIGINT)
-        assert started.end() == 130
-    assert 'requested' not in started.text
 
 
 @pytest.mark.parametrize('source', ['by option', 'by file'])

@@ -54,22 +54,6 @@ def test_a_file_with_corners_is_planned_with_them(cut):
     assert plan.pose.x == pytest.approx(0.5, abs=1e-9)
 
 
-@pytest.mark.parametrize('words', [
-    ['--corners', '0'], ['--corners', '0 cm'], ['--ros-args', '-p', 'corners:=0']])
-def test_without_corners_each_step_ends_with_a_stop(cut, words):
-    plan = planned(cut, *words)
-    assert plan.saved_time == 0.0
-    assert all(step.cut is None and not step.joins_next for step in plan.steps)
-
-
-def test_without_corners_waypoints_stop_too(cut, tmp_path):
-    (tmp_path / 'points.yaml').write_text(
-        'steps: [waypoints: {points: [[1 m, 0 m], [1 m, 1 m]], corners: 10 cm}]')
-    assert planned('./points.yaml').saved_time > 1.0
-    assert planned('./points.yaml', '--corners', '1cm').steps[1].cut.tolerance == 0.1
-    assert planned('./points.yaml', '--corners', '0').saved_time == 0.0
-
-
 def test_an_option_gives_any_motion_corners():
     stops, cut = planned('square'), planned('square', '--corners', '5cm')
     assert cut.saved_time == pytest.approx(stops.duration - cut.duration)

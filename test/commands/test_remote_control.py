@@ -153,20 +153,6 @@ def test_a_hand_drives_until_its_lease_lapses(listener):
         control.ask('release')
 
 
-def test_what_was_driven_by_hand_is_reported(listener):
-    with remote() as control:
-        control.take()
-        control.hand(FORWARD, 1.0)
-        control.hand(REST, 0.3)
-        control.ask('release')
-    segments = [segment for line in control.lines if line['type'] == 'sent'
-                for segment in line['segments']]
-    held = listener.moves()
-    assert [one.linear_x for one in held] == [one[0] for one in segments if one[0]]
-    assert [one[2] for one in segments if one[0]] == pytest.approx(
-        [one.duration for one in held], abs=0.03)
-
-
 def test_a_motion_is_driven_exactly_and_then_the_hand_again(listener):
     with remote() as control:
         control.take()
@@ -324,15 +310,6 @@ def test_a_program_that_reads_no_report_can_stop_the_robot(listener):
         assert first_zero(listener, asked) - asked < 0.25
         program.process.stdin.close()
         assert program.end() == 0
-
-
-def test_a_signal_ends_it_while_it_has_not_taken_a_robot(listener):
-    with remote() as control:
-        wait_until(lambda: control.lines)
-        control.process.send(signal.SIGTERM)
-        assert control.process.end() == 143
-        assert control.states[-1]['reason'] == 'stopped by SIGTERM'
-    assert not listener.received
 
 
 def test_a_signal_stops_the_robot_and_ends_it(listener):

@@ -100,13 +100,6 @@ def test_a_loop_is_closed_by_what_wins(words, file, closed_loop, overridden, mea
     assert lines == overridden
 
 
-def test_a_loop_cannot_be_closed_without_odometry(tmp_path):
-    (tmp_path / 'blind.yaml').write_text(
-        'extends: kachaka\nodometry_topic: null\ncalibration: {delay: 0.3 s}')
-    with pytest.raises(UsageError, match='a closed loop needs odometry, and blind has none'):
-        settings(f'--closed-loop --robot {tmp_path}/blind.yaml', PLAIN)
-
-
 def test_what_needs_all_of_the_limits_cannot_be_corrected(measured):
     file = ('closed_loop: true\nsteps:\n  - move: {linear_x: 0.3, angular_z: 0, duration: 1}',
             'fast.yaml')
@@ -228,9 +221,3 @@ def test_what_a_plan_cannot_follow_is_refused(words, refused):
 ])
 def test_the_speed_is_a_part_of_the_planned_one(words, speed):
     assert chosen_speed(parse(words.split())) == speed
-
-
-def test_a_speed_and_a_parameter_that_differ_are_refused():
-    words = '--speed 50% --ros-args -p speed_factor:=0.7'
-    with pytest.raises(UsageError, match=r'--speed 50% and -p speed_factor:=0.7 differ: give one'):
-        chosen_speed(parse(words.split()))

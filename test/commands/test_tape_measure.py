@@ -31,7 +31,7 @@ from kachaka_simple_control.motion.geometry import advance, ORIGIN
 from kachaka_simple_control.motion.plan import plan
 from program import call, program
 import pytest
-from terminals import at_terminal, Typed
+from terminals import Typed
 
 pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
@@ -139,18 +139,6 @@ def test_smaller_squares_are_those_of_the_library_with_another_side(run, tmp_pat
     assert not driven[0].motions[0].startswith('umbmark')
 
 
-def test_a_dry_run_shows_the_drives_and_drives_nothing(run, tmp_path):
-    code, output, errors, driven = run('floor', '--dry-run')
-    assert (code, errors, driven) == (0, '', [])
-    assert 'floor_straight on kachaka at 10 Hz' in output
-    assert 'floor_turn on kachaka at 10 Hz' in output
-    assert list(tmp_path.iterdir()) == []
-    (tmp_path / 'own.yaml').write_text(KNOWN)
-    code, output, errors, driven = run('umbmark', '--dry-run', '--robot', './own.yaml')
-    assert (code, errors, driven) == (0, '', [])
-    assert 'forward 4 m' in output
-
-
 def test_somebody_confirms_measures_and_may_mistype(run, tmp_path):
     typed = '\n0.98\n98 %\n98 cm, 2 cm\n0.98 m\n\n345.9 deg\n'
     code, output, _, driven = run('floor', '--address', 'robot', typed=typed)
@@ -216,15 +204,6 @@ def test_without_a_question_only_a_simulated_robot_is_driven_again(
     assert (code, errors, len(driven)) == (1, 'kachaka_calibrate: spoilt\n', count)
 
 
-def test_a_drive_is_not_repeated_without_end(run, monkeypatch):
-    def spoil(_):
-        raise CalibrationError('spoilt')
-
-    monkeypatch.setattr(odometry_fit, 'reported_path', spoil)
-    code, _, errors, driven = run('floor', '--address', 'robot', typed=9 * '\n')
-    assert (code, errors, len(driven)) == (1, 'kachaka_calibrate: spoilt\n', MAX_ATTEMPTS)
-
-
 @pytest.mark.parametrize('typed, count', [('', 0), ('\n', 1), ('\n\n', 1), ('\n1 m\n', 1)])
 def test_without_an_answer_it_ends_and_writes_nothing(run, tmp_path, typed, count):
     code, _, errors, driven = run('floor', '--address', 'robot', typed=typed)
@@ -281,22 +260,6 @@ def test_what_cannot_be_is_refused_before_anything_moves(run, tmp_path, words, l
     assert output == '' or '--yes' in line
 
 
-def test_what_the_tape_cannot_tell_writes_nothing(run, tmp_path):
-    code, _, errors, _ = run(
-        'floor', '--sim', '--measured', '30 cm', '--measured', '360 deg')
-    assert (code, errors) == (
-        1, ('kachaka_calibrate: the distance is 0.3 m by the tape and 1 m by odometry: which of '
-            'them is wrong?\n'))
-    assert list(tmp_path.iterdir()) == []
-
-
-def true_pose(shown, count):
-    """Return where the simulated robot says that it stands in truth, after so many drives."""
-    poses = re.findall(r'true pose: (\S+) m, (\S+) m, (\S+) deg', str(shown).replace('\n', ''))
-    assert len(poses) == count
-    return [*map(float, poses[-1])]
-
-
 @pytest.mark.ros
 @pytest.mark.needs('rclpy')
 def test_interrupted_it_stops_the_robot_and_writes_nothing(listener, tmp_path):
@@ -308,19 +271,4 @@ def test_interrupted_it_stops_the_robot_and_writes_nothing(listener, tmp_path):
         assert started.end() == 130, started.text
     assert not listener.received[-1].moves
     assert 'written' not in started.text
-    assert not file.exists()
-
-
-@pytest.mark.ros
-@pytest.mark.needs('rclpy', 'nav_msgs')
-def test_ctrl_c_instead_of_an_answer_ends_it(tmp_path):
-    file = tmp_path / 'own.yaml'
-    with at_terminal([*COMMAND, 'floor', '--sim', '--output', str(file), '--lag', '0.1',
-                      '--odometry-scale', '0.97'], 200, 60) as shown:
-        shown.wait_for_text('How far does it stand', 60.0)
-        x, y, _ = true_pose(shown, 1)
-        assert math.hypot(x, y) == pytest.approx(0.97, abs=0.01)
-        shown.press(b'\x03')
-        assert shown.end() == 130, str(shown)
-    assert 'Traceback' not in str(shown)
     assert not file.exists()

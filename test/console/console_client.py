@@ -46,12 +46,7 @@ Values = dict[str, Any]
 
 
 class ConsoleProgram:
-    """
-    A console in a process of its own, with the scripted drive process.
-
-    :param folder: where to record the lines to the drive process; it is the console's folder too
-    :param options: the options of the console
-    """
+    """A console in a process of its own, with the scripted drive process."""
 
     def __init__(self, folder: Path, *options: str) -> None:
         self.record = folder / 'lines.jsonl'
@@ -130,12 +125,7 @@ def console(folder: Path, *options: str) -> Iterator[ConsoleProgram]:
 
 
 class PageClient:
-    """
-    A page without a browser: it sends messages, and keeps those that it gets.
-
-    :ivar state: the state that the differences add up to
-    :ivar messages: all messages but ``state`` and ``stamp``
-    """
+    """A page without a browser: it sends messages, and keeps those that it gets."""
 
     def __init__(self, connection: Any) -> None:
         self.connection = connection

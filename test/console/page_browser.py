@@ -39,14 +39,7 @@ NOTHING = '\u2013'
 
 
 class Console:
-    """
-    A console process with a scripted drive process.
-
-    :param folder: the folder of its motion files
-    :param words: the options of the scripted drive process
-    :param script: the program to run
-    :param port: the port; 0 for any that is free
-    """
+    """A console process with a scripted drive process."""
 
     def __init__(
             self, folder: Path, *words: str, script: Path = SCRIPT, port: int = 0) -> None:
@@ -74,12 +67,7 @@ class Console:
 
 
 class Page:
-    """
-    The page of a console in a browser.
-
-    :param driver: the browser
-    :param address: the address of the page
-    """
+    """The page of a console in a browser."""
 
     def __init__(self, driver: Any, address: str) -> None:
         self.driver = driver

@@ -25,7 +25,7 @@ import time
 from typing import Any
 
 from kachaka_simple_control.console import drive_process
-from kachaka_simple_control.console.drive_process import drive_command, DriveProcess
+from kachaka_simple_control.console.drive_process import DriveProcess
 from kachaka_simple_control.console.protocol import (
     Hand,
     Log,
@@ -33,7 +33,6 @@ from kachaka_simple_control.console.protocol import (
     Report,
     Robot,
     Run,
-    State,
     Stop,
     Take,
 )
@@ -100,25 +99,6 @@ def test_it_runs_when_it_has_found_its_robot_and_answers():
     run(scenario)
 
 
-def test_without_odometry_a_stop_is_unconfirmed():
-    async def scenario(watched: Watched) -> None:
-        await watched.start()
-        answer = await watched.drive.request(Stop(0))
-        assert answer.is_confirmed is None
-
-    run(scenario, '--no-odometry')
-
-
-def test_a_stop_before_the_robot_is_found_is_sent():
-    async def scenario(watched: Watched) -> None:
-        watched.drive.start()
-        await watched.until(lambda: watched.drive.pid)
-        answer = await watched.drive.request(Stop(0))
-        assert answer.is_done
-
-    run(scenario, '--start-delay', '0.3')
-
-
 def test_a_stop_at_the_press_of_start_is_sent():
     async def scenario(watched: Watched) -> None:
         watched.drive.start()
@@ -163,21 +143,6 @@ def test_after_a_permanent_stop_only_a_press_starts_a_new_one(signum: int, reaso
     run(scenario)
 
 
-def test_who_waits_for_an_answer_hears_of_the_end():
-    async def scenario(watched: Watched) -> None:
-        await watched.start()
-        assert watched.drive.pid
-        os.kill(watched.drive.pid, signal.SIGSTOP)
-        waiting = watched.drive.request(Take(0))
-        await asyncio.sleep(0.1)
-        os.kill(watched.drive.pid, signal.SIGKILL)
-        answer = await waiting
-        assert not answer.is_done
-        assert 'signal 9' in answer.text
-
-    run(scenario)
-
-
 def test_an_exit_without_a_release_is_permanent():
     async def scenario(watched: Watched) -> None:
         watched.drive.start()
@@ -188,16 +153,6 @@ def test_an_exit_without_a_release_is_permanent():
     run(scenario, command=[sys.executable, '-c', ''])
 
 
-def test_the_reason_has_the_last_line_of_the_log():
-    async def scenario(watched: Watched) -> None:
-        watched.drive.start()
-        await watched.until(lambda: watched.drive.state == 'ended')
-        assert 'exit code 3: kachaka_console: no robot' in (watched.drive.reason or '')
-
-    code = 'import sys; print("kachaka_console: no robot", file=sys.stderr); sys.exit(3)'
-    run(scenario, command=[sys.executable, '-c', code])
-
-
 def test_a_program_that_cannot_be_started_is_named():
     async def scenario(watched: Watched) -> None:
         watched.drive.start()
@@ -205,20 +160,6 @@ def test_a_program_that_cannot_be_started_is_named():
         assert 'cannot be started' in (watched.drive.reason or '')
 
     run(scenario, command=['/nowhere/python'])
-
-
-def test_invalid_lines_are_logged_and_the_next_one_is_read():
-    async def scenario(watched: Watched) -> None:
-        watched.drive.start()
-        await watched.until(lambda: any(
-            isinstance(report, State) for report in watched.reports))
-        assert 'is invalid' in watched.logs()
-        assert 'too long' in watched.logs()
-
-    code = ('import sys; print("x"); print("{\\"v\\":1}"); print("y" * 500_000); '
-            'print("{\\"v\\":1,\\"type\\":\\"state\\",\\"state\\":\\"ready\\"}", flush=True); '
-            'sys.stdin.read()')
-    run(scenario, command=[sys.executable, '-c', code])
 
 
 def test_nothing_of_the_hand_waits_for_a_process_that_does_not_read(tmp_path: Path):
@@ -238,18 +179,6 @@ def test_nothing_of_the_hand_waits_for_a_process_that_does_not_read(tmp_path: Pa
     run(scenario, f'--record={record}')
 
 
-def test_a_stop_for_a_process_that_does_not_read_is_a_signal(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(drive_process, 'STOP_PATIENCE', 0.3)
-
-    async def scenario(watched: Watched) -> None:
-        await watched.start()
-        answer = await watched.drive.request(Stop(0))
-        assert not answer.is_done
-        assert 'stopped by a signal' in answer.text
-
-    run(scenario, '--deaf')
-
-
 def test_a_stop_that_finds_the_pipe_full_is_a_signal():
     async def scenario(watched: Watched) -> None:
         await watched.start()
@@ -265,18 +194,6 @@ def test_a_stop_that_finds_the_pipe_full_is_a_signal():
         assert time.monotonic() - begun < 2.0
 
     run(scenario, '--deaf')
-
-
-def test_a_long_line_arrives_whole():
-    async def scenario(watched: Watched) -> None:
-        await watched.start()
-        assert (await watched.drive.request(Take(0))).is_done
-        answer = await watched.drive.request(Run(0, 'steps:' + 'x' * 60_000, 'long'))
-        assert answer.is_done
-        answer = await watched.drive.request(Run(0, 'x' * 70_000, 'long'))
-        assert 'more than 64000' in answer.text
-
-    run(scenario)
 
 
 def test_at_the_end_the_pipe_is_closed_and_the_process_ends_by_itself():
@@ -316,11 +233,3 @@ def test_a_process_that_does_not_end_gets_signals(monkeypatch: pytest.MonkeyPatc
         assert not Path(f'/proc/{pid}').exists()
 
     run(scenario, '--deaf')
-
-
-def test_the_command_confirms_and_passes_the_options():
-    command = drive_command(
-        ['--sim', '--robot=kachaka', '--ros-args', '-r', 'a:=b'], lambda: ['--report=a/1'])
-    assert 'kachaka_simple_control.__main__' in command[2]
-    assert ['--pipe', '--yes', '--report=a/1', '--sim', '--robot=kachaka', '--ros-args', '-r',
-            'a:=b'] == command[3:]

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 import time
 from typing import Any
@@ -171,17 +170,6 @@ async def released_after_a_minute(
     await page.until(lambda: page.state['state'] == 'standing by')
 
 
-def test_after_a_page_is_closed_another_has_a_minute_to_go_on():
-    async def scenario(hub: Hub, now: list[float]) -> None:
-        page = await taken(hub)
-        other = FakePage(hub)
-        hub.close_page(page)
-        await other.until(lambda: other.state.get('driver') == 'nobody')
-        await released_after_a_minute(hub, now, other, 'ready')
-
-    run(scenario)
-
-
 @pytest.mark.parametrize('is_closed', [True, False])
 def test_a_paused_robot_that_nobody_drives_is_released_after_a_minute(is_closed):
     async def scenario(hub: Hub, now: list[float]) -> None:
@@ -192,19 +180,6 @@ def test_a_paused_robot_that_nobody_drives_is_released_after_a_minute(is_closed)
             assert await page.ask(Lease(5, False))
         await other.until(lambda: other.state.get('driver') == 'nobody')
         await released_after_a_minute(hub, now, other, 'paused')
-
-    run(scenario)
-
-
-def test_a_paused_drive_of_a_terminal_is_not_released():
-    async def scenario(hub: Hub, now: list[float]) -> None:
-        page = await paused(hub)
-        assert await page.ask(Lease(5, False))
-        hub._robot = replace(hub._robot, is_driven_here=False)
-        now[0] += 2.0 * IDLE_TIME
-        hub.tick()
-        await asyncio.sleep(0.2)
-        assert 'paused' == page.state['state']
 
     run(scenario)
 

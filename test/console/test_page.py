@@ -30,7 +30,6 @@ pytestmark = [pytest.mark.real_time, pytest.mark.browser]
 W, ESCAPE, SPACE = 'w', '\ue00c', ' '
 #: After the end of a hold, so long nothing more may be sent [s].
 QUIET = 0.5
-MARKUP = '<img src=x onerror=document.title=1>'
 
 
 @pytest.fixture(scope='module')
@@ -213,33 +212,6 @@ def test_leaving_the_page_ends_the_hold_at_the_robot(page, record):
     page.let_go()
 
 
-def test_a_key_held_since_before_a_blur_has_to_be_pressed_anew(page):
-    page.take()
-    hold_key(page)
-    dispatch('window', 'blur')(page)
-    count = len(page.sent('hand'))
-    # The browser repeats a key that is held when the window gets the focus back.
-    page.run('dispatchEvent(new KeyboardEvent("keydown", {code: "KeyW", key: "w", repeat: true}))')
-    time.sleep(0.2)
-    assert len(page.sent('hand')) == count
-    page.keys().key_up(W).key_down(W).perform()
-    time.sleep(0.2)
-    assert len(page.sent('hand')) > count
-    page.keys().key_up(W).perform()
-
-
-def test_hidden_means_zero(page):
-    page.take()
-    hold_key(page)
-    page.run('Object.defineProperty(document, "hidden", {value: true, configurable: true});'
-             'document.dispatchEvent(new Event("visibilitychange"))')
-    time.sleep(0.2)
-    hands = page.sent('hand')
-    assert is_zero(hands[-1])
-    assert not is_zero(hands[-2])
-    page.keys().key_up(W).perform()
-
-
 def test_nothing_is_sent_by_hand_before_the_robot_is_taken_or_while_a_text_is_edited(page):
     if page.text('#state') == 'ready':
         page.take()
@@ -374,14 +346,6 @@ def test_stop(page, press):
     assert len(page.sent('stop')) == 1
 
 
-@pytest.mark.parametrize('selector', ['#text', '#file', '#choice', '#clear-log', '#hand-speed'])
-def test_space_belongs_to_a_text_field_and_a_control(page, selector):
-    page.run('document.querySelector(arguments[0]).focus()', selector)
-    page.press(SPACE)
-    time.sleep(0.2)
-    assert page.sent('stop') == []
-
-
 def test_stop_comes_first_while_a_hand_drives(page):
     page.take()
     hold_key(page)
@@ -421,13 +385,6 @@ def test_a_draft_outlives_a_reload(page):
     assert page.text('#motion-source') == 'edited, not saved'
 
 
-def test_text_from_outside_stays_text(page):
-    type_text(page, f'name: mine\nsteps:\n  - {MARKUP}: 1 m\n')
-    page.wait(lambda: MARKUP in page.text('#problems'), 'the error')
-    assert page.run('return document.querySelectorAll("img").length') == 0
-    assert page.driver.title == 'scripted: console'
-
-
 def test_the_plan_is_drawn_to_scale(page):
     page.run('const choice = document.querySelector("#choice"); choice.value = "square";'
              'choice.dispatchEvent(new Event("change"))')
@@ -451,23 +408,6 @@ def test_the_plan_is_drawn_to_scale(page):
         assert page.run('return document.querySelectorAll(arguments[0]).length', part) > 0
     assert page.find('#plan-svg').get_attribute('aria-label').startswith(
         f'Plan from above: area {page.text("#plan-area")}')
-
-
-def test_the_whole_robot_stays_in_the_picture_when_it_leaves_the_plan(page):
-    type_text(page, 'name: mine\nsteps:\n  - forward: 0.1 m\n')
-    page.wait(lambda: page.text('#plan-steps') == '1', 'the plan')
-    page.take()
-    for key, duration in ((W, 2.5), ('a', 1.0)):
-        page.keys().key_down(key).perform()
-        time.sleep(duration)
-        page.keys().key_up(key).perform()
-        time.sleep(QUIET)
-        robot, picture = page.run(
-            'return [".robot-driven", "#plan-svg"].map(part => {'
-            '    const box = document.querySelector(part).getBoundingClientRect();'
-            '    return [box.left, box.top, -box.right, -box.bottom];'
-            '})')
-        assert all(inner > outer for inner, outer in zip(robot, picture))
 
 
 def test_a_motion_runs_after_the_question_about_the_floor(page):

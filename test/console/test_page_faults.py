@@ -36,11 +36,6 @@ def browser(tmp_path_factory):
         yield driver
 
 
-def agree(page):
-    page.wait(lambda: page.find('#ask').is_displayed(), 'the question')
-    page.click('#ask-run')
-
-
 def test_a_lost_connection_is_said_in_large_letters_and_ends_the_hand(browser, tmp_path):
     with closing(Console(tmp_path)) as console:
         page = Page(browser, console.address).open()
@@ -90,20 +85,6 @@ def test_a_stop_closes_the_question_about_the_floor(browser, tmp_path):
         assert page.text('#state') == 'standing by'
 
 
-def test_an_old_line_of_the_log_has_its_own_time(browser, tmp_path):
-    with closing(Console(tmp_path)) as console:
-        page = Page(browser, console.address).open()
-        shown, expected = page.driver.execute_async_script("""
-            const done = arguments[arguments.length - 1];
-            import('/messages.js').then(({Log}) => {
-                const list = document.createElement('ol');
-                new Log(list, list).add('info', '[INFO] [1000000000.5] [node]: long ago');
-                done([list.querySelector('time').textContent,
-                      new Date(1000000000500).toTimeString().slice(0, 8)]);
-            });""")
-        assert shown == expected
-
-
 def test_battery_and_errors_of_the_robot_are_shown(browser, tmp_path):
     with closing(Console(tmp_path, '--battery=0.15', '--errors=error 21051 (paused)')) as console:
         page = Page(browser, console.address).open()
@@ -111,19 +92,6 @@ def test_battery_and_errors_of_the_robot_are_shown(browser, tmp_path):
         assert page.find('#battery-chip').get_attribute('data-tone') == 'warn'
         assert page.text('#robot-errors') == 'The robot reports: error 21051 (paused)'
         assert page.find('#robot-errors').is_displayed()
-
-
-def test_why_the_robot_is_not_taken_is_a_fault(browser, tmp_path):
-    with closing(Console(tmp_path, '--refuse')) as console:
-        page = Page(browser, console.address).open()
-        page.wait(lambda: page.find('#lease').is_enabled(), 'the lease button')
-        page.click('#lease')
-        agree(page)
-        page.wait(lambda: 'another program drives' in page.text('#fault-text'), 'the fault')
-        assert page.run('return document.querySelector("#fault").closest("[aria-live]")'
-                        '.getAttribute("aria-live")') == 'assertive'
-        page.click('#fault-close')
-        assert not page.find('#fault').is_displayed()
 
 
 def test_after_the_drive_process_has_died_only_a_press_starts_another(browser, tmp_path):
@@ -144,16 +112,6 @@ def test_after_the_drive_process_has_died_only_a_press_starts_another(browser, t
         page.click('#lease')
         page.wait(lambda: page.text('#state') == 'standing by', 'the new process')
         page.take()
-
-
-def test_a_release_is_no_fault(browser, tmp_path):
-    with closing(Console(tmp_path)) as console:
-        page = Page(browser, console.address).open()
-        page.take()
-        page.click('#lease')
-        page.wait(lambda: page.text('#state') == 'standing by', 'that the robot is released')
-        page.wait(lambda: page.text('#lease-note').startswith('Needed'), 'the lease given up')
-        assert page.text('#fault-text') == ''
 
 
 def test_the_page_connects_again_by_itself(browser, tmp_path):

@@ -59,14 +59,6 @@ def test_an_error_has_its_line(text: str, line: int | None, reason: str):
     assert reason in ' '.join(error.text for error in result.errors)
 
 
-def test_a_path_in_the_text_is_not_read():
-    result = preview(1, 'robot: ../secret.yaml\n' + TEXT)
-    assert result.plan is None
-    assert [1] == [error.line for error in result.errors]
-    assert 'is a path' in result.errors[0].text
-    assert preview(1, 'robot: ../secret.yaml\n' + TEXT, 'turtlebot3').plan is not None
-
-
 def test_there_are_never_too_many_errors_or_points():
     errors = preview(1, 'steps:\n' + '  - turn: 90\n' * 3000).errors
     assert len(errors) <= preview_module.MAX_ERRORS

@@ -20,19 +20,16 @@ import json
 import os
 from pathlib import Path
 import signal
-import subprocess
-import sys
 import time
 
 from console_client import console, ConsoleProgram, fetch, PageClient, serve
 from kachaka_simple_control.console.page_protocol import (
     AskPreview,
     Lease,
-    Record,
     RunMotion,
     Start,
 )
-from kachaka_simple_control.console.protocol import Pause, Release, Resume, Speed, Stop, Take
+from kachaka_simple_control.console.protocol import Pause, Release, Resume, Speed, Take
 from kachaka_simple_control.files.motion_file import loads
 import pytest
 from waiting import wait_until
@@ -105,24 +102,6 @@ def test_no_velocity_is_repeated_queued_or_sent_twice(tmp_path: Path):
     serve(tmp_path, scenario)
 
 
-def test_stale_velocities_of_a_burst_pass_with_their_age_and_are_not_obeyed(tmp_path: Path):
-    async def scenario(program: ConsoleProgram) -> None:
-        page = await PageClient.connect(program)
-        await page.take()
-        page.hand(0.0)
-        old = page.stamp
-        await asyncio.sleep(0.5)
-        for _ in range(10):
-            page.hand(0.2, stamp=old)
-        # The first of the burst pass; while they are unread, the others are dropped.
-        await page.until(lambda: len(program.lines('hand')) > 3)
-        assert {old} == {line['stamp'] for line in program.lines('hand')}
-        await asyncio.sleep(0.2)
-        assert [0.0, 0.0] == page.state['velocity']
-
-    serve(tmp_path, scenario)
-
-
 @pytest.mark.parametrize('how', ['close', 'give up'])
 def test_who_loses_the_lease_while_driving_sends_a_zero(tmp_path: Path, how: str):
     async def scenario(program: ConsoleProgram) -> None:
@@ -178,52 +157,6 @@ def test_a_motion_is_driven_paused_slowed_and_stopped(tmp_path: Path):
     serve(tmp_path, scenario)
 
 
-def test_without_odometry_a_stop_is_sent_but_unconfirmed(tmp_path: Path):
-    async def scenario(program: ConsoleProgram) -> None:
-        page = await PageClient.connect(program)
-        await page.take()
-        answer = await page.stop()
-        assert answer['is_done']
-        assert answer['is_confirmed'] is None
-
-    serve(tmp_path, scenario, '--drive=--no-odometry')
-
-
-def test_a_stop_needs_no_hello(tmp_path: Path):
-    async def scenario(program: ConsoleProgram) -> None:
-        page = await PageClient.connect(program)
-        page.send(Stop(1))
-        await page.until(lambda: program.lines('stop'))
-
-    serve(tmp_path, scenario)
-
-
-def test_what_the_hand_drives_is_recorded(tmp_path: Path):
-    async def scenario(program: ConsoleProgram) -> str:
-        page = await PageClient.connect(program)
-        await page.take()
-        assert not (await page.ask(Record, on=False))['is_done']
-        assert (await page.ask(Record, on=True))['is_done']
-        assert page.state['is_recording']
-        page.hand(0.0)
-        await drive(page, 0.2, 0.3)
-        page.hand(0.1)
-        await asyncio.sleep(0.1)
-        page.hand(0.0)
-        assert (await page.ask(Record, on=False))['is_done']
-        await page.until(lambda: any(
-            message['type'] == 'recorded' for message in page.messages))
-        assert not page.state['is_recording']
-        text: str = next(message['text'] for message in page.messages
-                         if message['type'] == 'recorded')
-        return text
-
-    steps = loads(serve(tmp_path, scenario)).motion.steps
-    assert [0.2, 0.1] == [step.linear_x for step in steps]
-    assert 0.25 < steps[0].duration < 0.6
-    assert 0.05 < steps[1].duration < 0.4
-
-
 def test_a_preview_does_not_hold_up_a_stop(tmp_path: Path):
     async def scenario(program: ConsoleProgram) -> None:
         page = await PageClient.connect(program)
@@ -239,37 +172,6 @@ def test_a_preview_does_not_hold_up_a_stop(tmp_path: Path):
         assert (await asked)['plan']['steps'] == 1000
         result = await page.ask(AskPreview, text='steps:\n  - turn: 90\n')
         assert 2 == result['errors'][0]['line']
-
-    serve(tmp_path, scenario)
-
-
-def test_a_newer_preview_replaces_one_that_waits(tmp_path: Path):
-    async def scenario(program: ConsoleProgram) -> None:
-        page = await PageClient.connect(program)
-        await page.greet()
-        for number in range(1, 6):
-            page.send(AskPreview(100 + number, f'steps:\n  - wait: {number} s\n'))
-        await page.until(lambda: 5 == sum(
-            message.get('id', 0) > 100 for message in page.messages))
-        kinds = {message['id']: message['type'] for message in page.messages
-                 if 'id' in message}
-        assert 'preview' == kinds[105]
-        assert 'answer' == kinds[103]
-
-    serve(tmp_path, scenario)
-
-
-def test_a_release_starts_a_new_process(tmp_path: Path):
-    async def scenario(program: ConsoleProgram) -> None:
-        page = await PageClient.connect(program)
-        await page.take()
-        first = program.drive_pid()
-        assert (await page.ask(Release))['is_done']
-        await page.until(lambda: page.state['state'] == 'standing by')
-        await page.until(lambda: page.state['process'] == 'running')
-        assert first != program.drive_pid()
-        assert 'you' == page.state['driver']
-        assert (await page.ask(Take))['is_done']
 
     serve(tmp_path, scenario)
 
@@ -319,24 +221,6 @@ def test_a_process_that_dies_is_started_only_by_a_press(tmp_path: Path):
     serve(tmp_path, scenario)
 
 
-def test_alive_is_sent_only_while_a_page_is_open(tmp_path: Path):
-    async def scenario(program: ConsoleProgram) -> None:
-        await asyncio.sleep(0.6)
-        assert [] == program.lines('alive')
-        page = await PageClient.connect(program)
-        await page.greet()
-        await page.until(lambda: len(program.lines('alive')) >= 4)
-        times = [line['time'] for line in program.lines('alive')]
-        assert 0.15 < (times[-1] - times[0]) / (len(times) - 1) < 0.5
-        page.close()
-        await asyncio.sleep(0.4)
-        count = len(program.lines('alive'))
-        await asyncio.sleep(0.6)
-        assert count == len(program.lines('alive'))
-
-    serve(tmp_path, scenario)
-
-
 def test_a_console_that_is_killed_leaves_no_process(tmp_path: Path):
     async def scenario(program: ConsoleProgram) -> int:
         page = await PageClient.connect(program)
@@ -352,24 +236,6 @@ def test_a_console_that_is_killed_leaves_no_process(tmp_path: Path):
         wait_until(lambda: not Path(f'/proc/{pid}/exe').exists(), 5.0)
 
 
-def test_a_frozen_console_repeats_nothing(tmp_path: Path):
-    async def scenario(program: ConsoleProgram) -> None:
-        page = await PageClient.connect(program)
-        await page.take()
-        page.hand(0.0)
-        await drive(page, 0.2, 0.2)
-        program.process.send_signal(signal.SIGSTOP)
-        await drive(page, 0.2, 0.6)
-        count, stamp = len(program.lines('hand')), page.stamp
-        program.process.send_signal(signal.SIGCONT)
-        await page.until(lambda: len(program.lines('hand')) > count + 2)
-        # The page has not seen a stamp meanwhile, so all that it has sent is as old as that.
-        assert all(line['stamp'] <= stamp for line in program.lines('hand')[count:])
-        await page.until(lambda: page.state['state'] == 'ready')
-
-    serve(tmp_path, scenario)
-
-
 def test_ctrl_c_ends_the_console_and_the_drive_process(tmp_path: Path):
     with console(tmp_path) as program:
         pid = program.drive_pid()
@@ -377,15 +243,3 @@ def test_ctrl_c_ends_the_console_and_the_drive_process(tmp_path: Path):
         assert 130 == program.end()
         assert time.monotonic() - begun < 5.0
         assert not Path(f'/proc/{pid}').exists()
-
-
-def test_a_port_that_is_taken_is_one_line(tmp_path: Path):
-    with console(tmp_path) as program:
-        done = subprocess.run(
-            [sys.executable, '-m', 'kachaka_simple_control.console.console_command', '--port',
-             str(program.port), '--no-browser'], check=False, capture_output=True, text=True,
-            timeout=30)
-        assert 2 == done.returncode
-        assert done.stderr.startswith('kachaka_console: cannot listen at 127.0.0.1:')
-        assert done.stderr.endswith(': Address already in use; choose another --port\n')
-        assert 1 == done.stderr.count('\n')

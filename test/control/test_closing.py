@@ -76,16 +76,3 @@ def test_where_no_thread_can_start_nothing_is_added(closers, monkeypatch):
     closers.add(lambda: closed.append(1), 'group')
     closers.close_all()
     assert not closed
-
-
-def test_no_thread_is_left(closers):
-    before = threading.active_count()
-    functions = [lambda number=number: number for number in range(5)]
-    for close in functions:
-        closers.add(close, 'group')
-    closers.remove(functions[0])
-    closers.close_all()
-    end = time.monotonic() + 5.0
-    while threading.active_count() > before and time.monotonic() < end:
-        time.sleep(0.01)
-    assert threading.active_count() <= before

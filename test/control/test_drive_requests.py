@@ -78,13 +78,6 @@ def test_a_drive_that_has_not_begun_is_ended_by_a_stop(bench):
         bench.gate.begin(0.2, request.run)
 
 
-def test_after_such_a_stop_a_drive_may_be_requested(bench):
-    request = bench.requests.accept()
-    bench.stop_from_outside()
-    bench.requests.finish(request, is_complete=False)
-    bench.drive()
-
-
 def test_a_stop_between_two_movements_that_follow_at_once_refuses_the_second(bench):
     bench.drive()
     bench.time.now += 0.9 * PERIOD
@@ -129,25 +122,6 @@ def test_a_thread_that_stops_its_own_drive_may_drive_on(bench):
     bench.drive()
     bench.stop()
     bench.drive()
-
-
-def test_another_thread_than_the_one_that_was_stopped_may_drive(bench):
-    bench.drive()
-    thread = threading.Thread(target=bench.drive)
-    bench.stop()
-    thread.start()
-    thread.join()
-    bench.drive()
-
-
-def test_a_refused_drive_lets_the_next_be_requested(bench):
-    bench.drive()
-    bench.stop_from_outside()
-    for _ in range(2):
-        with pytest.raises(MotionRefusedError, match='from outside'):
-            bench.drive()
-        bench.drive()
-        bench.stop_from_outside()
 
 
 def test_of_two_stops_the_first_gives_the_reason(bench):

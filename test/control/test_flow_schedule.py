@@ -98,19 +98,6 @@ def test_a_lower_speed_drives_the_same_path(factor):
     assert now == pytest.approx(planned.duration / factor, rel=0.25)
 
 
-def test_without_a_change_the_plan_is_sent_to_the_bit():
-    planned = plan(SQUARE, KACHAKA, 20.0)
-    sent, _ = drive(planned, [])
-    assert [one.velocity for one in sent] == [one.velocity for one in planned.segments]
-
-
-def test_a_pause_on_a_leg_comes_to_rest_in_time():
-    _, pauses = drive(plan(SQUARE, KACHAKA, 20.0), [(0.9, 0.0), (3.0, 1.0)])
-    (_, where, duration), = pauses
-    assert where == 'forward'
-    assert duration <= 1.7
-
-
 def test_after_a_pause_in_a_corner_the_rest_is_sent_as_planned():
     planned = plan(SQUARE, KACHAKA, 20.0)
     corner = planned.steps[1]

@@ -14,7 +14,6 @@
 """The garbage collector: old objects are left out of it during a run, and it is restored."""
 
 import gc
-import threading
 import time
 
 from kachaka_simple_control.control.drive_loop import old_objects_frozen
@@ -90,19 +89,3 @@ def test_afterwards_the_collector_is_as_it_was_found(prepare):
         gc.unfreeze()
         gc.set_threshold(*thresholds)
         (gc.enable if enabled else gc.disable)()
-
-
-def test_runs_of_two_threads_overlap():
-    before, ended = state(), threading.Event()
-
-    def run():
-        with old_objects_frozen():
-            ended.wait(10.0)
-
-    thread = threading.Thread(target=run)
-    with old_objects_frozen():
-        thread.start()
-    assert state() != before
-    ended.set()
-    thread.join()
-    assert state() == before

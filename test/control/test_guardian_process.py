@@ -13,17 +13,14 @@
 # limitations under the License.
 """The node's side of the guardian: a slot for each robot, and one process for all of them."""
 
-import contextlib
 import os
 import sys
 import tempfile
-import time
 
-from kachaka_simple_control.control.guardian import GuardianMemory, GuardianProcess, RobotSlot
+from kachaka_simple_control.control.guardian import GuardianMemory, GuardianProcess
 from kachaka_simple_control.control.processes import boottime, is_running
-from kachaka_simple_control.control.timing import GUARDIAN_EXIT_TIMEOUT
 from kachaka_simple_control.control.watchdog import GuardianMessage
-from kachaka_simple_control.errors import RunFaultError, UsageError
+from kachaka_simple_control.errors import RunFaultError
 import pytest
 from waiting import wait_until
 
@@ -178,15 +175,6 @@ def test_a_slot_is_used_again_as_late_as_possible_and_is_then_empty(start, claim
     assert kept.number == 2
 
 
-def test_more_robots_than_slots_are_refused(start, claim, monkeypatch):
-    monkeypatch.setattr(GuardianMemory, 'MAX_ROBOTS', 2)
-    process = start()
-    robots = [process.add(*ROBOT, claim) for _ in range(2)]
-    assert [robot.number for robot in robots] == [1, 2]
-    with pytest.raises(UsageError, match='a guardian stops at most 2 robots'):
-        process.add(*ROBOT, claim)
-
-
 def test_a_run_that_begins_while_the_run_before_is_reported_as_stopped_is_guarded(
         start, claim, seen, monkeypatch):
     """Its first heartbeat came before the report of another thread, and tells nothing then."""
@@ -225,20 +213,6 @@ time.sleep(5.0)
     assert other.shared_memory is not None
 
 
-@pytest.mark.parametrize('text', ['', 'import time; time.sleep(0.3)'])
-def test_a_guardian_that_has_ended_is_noticed_at_the_next_heartbeat(text, start, claim):
-    process = start(text)
-    guardian = process.add(*ROBOT, claim)
-    with contextlib.suppress(RunFaultError):
-        guardian.heartbeat()
-    wait_until(lambda: process.has_ended)
-    with pytest.raises(RunFaultError, match=r'the guardian is gone \(Broken pipe\)'):
-        guardian.heartbeat()
-    began = time.monotonic()
-    guardian.shutdown()
-    assert time.monotonic() - began < GUARDIAN_EXIT_TIMEOUT
-
-
 def test_a_guardian_that_does_not_leave_a_robot_is_killed(start, claim):
     """Its publisher must be gone before the robot is released; it guards no other robot either."""
     process = start('import time; time.sleep(60)')
@@ -247,20 +221,3 @@ def test_a_guardian_that_does_not_leave_a_robot_is_killed(start, claim):
     wait_until(lambda: process.has_ended)
     with pytest.raises(RunFaultError, match='the guardian is gone'):
         second.heartbeat()
-
-
-def test_the_values_of_a_slot_do_not_overlap():
-    slot = RobotSlot(memoryview(bytearray(RobotSlot.SIZE)))
-    slot.heartbeat = 12.5
-    slot.latch.trip(7.25)
-    slot.sending.set()
-    assert (slot.heartbeat, slot.latch.guardian_stop_time, slot.sending.is_set) == (
-        12.5, 7.25, True)
-    slot.sending.clear()
-    assert slot.latch.is_set
-    slot.clear()
-    assert (slot.heartbeat, slot.latch.is_set) == (0.0, False)
-
-
-def test_a_message_is_the_slot_and_one_byte():
-    assert {len(message.value) for message in GuardianMessage} == {1}

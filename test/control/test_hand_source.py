@@ -139,16 +139,6 @@ def test_of_a_burst_after_a_lag_nothing_is_obeyed(hand):
     assert hand.run(0.5) == ZERO
 
 
-def test_repeated_and_older_commands_are_refused(hand):
-    first = hand.source.stamp()
-    hand.now += 0.01
-    second = hand.source.stamp()
-    hand.source.command(FORWARD, 10, second)
-    for sequence, stamp in ((10, second), (9, second), (11, first)):
-        with pytest.raises(MotionRefusedError, match='older'):
-            hand.source.command(FORWARD, sequence, stamp)
-
-
 @pytest.mark.parametrize('stamp', [2000.0, float('inf'), float('nan')])
 def test_a_stamp_that_was_never_issued_is_refused(hand, stamp):
     with pytest.raises(MotionRefusedError):
@@ -190,12 +180,6 @@ def test_a_pause_brakes_and_needs_a_zero_before_the_next_motion(hand):
     with pytest.raises(MotionRefusedError, match='release the controls first'):
         hand.want(FORWARD)
     assert hand.run(0.5) == ZERO
-
-
-def test_the_end_ends_the_drive(hand):
-    hand.hold(FORWARD, 0.5)
-    hand.source.end()
-    assert hand.run(0.1) is None
 
 
 @given(st.lists(st.tuples(

@@ -104,16 +104,6 @@ def test_of_three_at_the_same_moment_one_wins(name, trial):
     assert [line for line in answers if line != 'taken'] == [f'refused: holder {winner}'] * 2
 
 
-def test_a_program_that_ends_releases_it(name):
-    with holders(name, 1) as (holder,):
-        go(holder)
-        assert holder.stdout.readline() == 'taken\n'
-        assert refused(name) == 'holder 0'
-        holder.stdin.close()
-        holder.wait()
-        take_and_release(name)
-
-
 def test_a_program_that_is_frozen_keeps_it(name):
     with holders(name, 1) as (holder,):
         go(holder)
@@ -174,23 +164,3 @@ def test_taking_it_twice_is_harmless_and_another_object_is_refused(name):
     claim.take(name, 'one')
     assert refused(name) == 'one'
     claim.release()
-
-
-def test_other_names_are_other_claims(name):
-    claim = MachineClaim()
-    claim.take(name, 'one')
-    take_and_release(name + '/other')
-    claim.release()
-
-
-def test_who_holds_the_claim_may_be_in_this_process():
-    first, second = MachineClaim(), MachineClaim()
-    name = f'own {os.getpid()}'
-    first.take(name, 'first')
-    try:
-        with pytest.raises(ClaimedError, match='first') as caught:
-            second.take(name, 'second')
-        assert caught.value.is_own
-    finally:
-        first.release()
-        second.release()

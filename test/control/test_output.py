@@ -151,58 +151,6 @@ print('after')
     assert file.read_text() == 'before\nafter\n'
 
 
-@pytest.mark.parametrize('how', ['os.close(1); os.close(2)', 'sys.stdout = sys.stderr = None'])
-def test_closed_outputs_are_no_error(how):
-    run(f'{how}\nmake_nonblocking(1, 2)\n')
-
-
-def test_a_reader_that_is_gone_is_no_error():
-    reader, writer = os.pipe()
-    os.close(reader)
-    run("""
-make_nonblocking(1, 2)
-print('nobody reads this', flush=True)
-print('nor this', file=sys.stderr)
-""", stdout=writer, stderr=writer)
-    os.close(writer)
-
-
-def test_a_stopped_terminal_delays_no_exit():
-    with at_terminal([sys.executable, '-c', """
-import sys
-from kachaka_simple_control.control.output import make_nonblocking
-make_nonblocking(1, 2)
-print('begun')
-sys.stdin.readline()
-print('x')
-print('y', file=sys.stderr)
-"""]) as shown:
-        shown.wait_for_text('begun')
-        shown.press(b'\x13\n')
-        assert shown.process.wait(10.0) == 0
-
-
-def test_a_replaced_stream_is_left_alone():
-    run("""
-import io
-mine = sys.stderr = io.StringIO()
-make_nonblocking(2)
-assert sys.stderr is mine
-print('x', file=sys.stderr)
-assert mine.getvalue() == 'x\\n'
-""", stderr=subprocess.PIPE)
-
-
-def test_a_display_can_make_its_output_blocking_again():
-    """It has a process of its own, which may wait for room to draw whole frames."""
-    run("""
-from kachaka_simple_control.control.output import make_blocking
-make_nonblocking(2)
-make_blocking(2)
-assert os.get_blocking(2)
-""", stderr=subprocess.PIPE)
-
-
 needs_ros = pytest.mark.ros
 SCRIPT = """
 import sys, threading, time
@@ -286,50 +234,6 @@ def test_the_result_and_the_last_line_delay_no_exit(tmp_path):
         os.read(started.reader, 4096)
         started.fill()
         assert started.end(12.0) == 3
-
-
-@needs_ros
-@pytest.mark.needs('yaml', 'jsonschema')
-def test_a_bridge_whose_log_is_unread_goes_on(tmp_path):
-    pytest.importorskip('rclpy', reason='needs ROS 2')
-    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
-    bridge = [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command', '--sim']
-    with Piped([*bridge, '--namespace', 'unread'], 'stderr') as shown:
-        os.read(shown.reader, 4096)
-        shown.fill()
-        drive = [*quick_drive(tmp_path), '-p', 'robot_namespace:=/unread']
-        assert subprocess.run(
-            drive, env=environment(), timeout=40.0, check=False).returncode == 0
-        shown.process.terminate()
-        assert shown.end(SOON) == 0
-
-
-@needs_ros
-def test_a_result_is_printed_whole_to_a_late_reader(tmp_path):
-    pytest.importorskip('rclpy', reason='needs ROS 2')
-    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
-    pytest.importorskip('jsonschema', reason='needs jsonschema')
-    with Piped(quick_drive(tmp_path, '--sim')) as started:
-        code = started.end(30.0)
-        text = started.read()
-    assert code == 0, text
-    assert 'Motion completed: quick' in text
-    assert text.splitlines()[-1].startswith('Final pose by odometry: ')
-
-
-@needs_ros
-@pytest.mark.parametrize('signum, code', [(None, 0), (signal.SIGINT, 130)])
-def test_a_script_whose_log_is_unread_is_stopped_too(listener, signum, code):
-    with Piped([sys.executable, '-c', SCRIPT + """
-node.move_robot(0.1, 0.0, 2.0)
-node.destroy_node()
-"""], 'stderr') as started:
-        moved = moving(listener)
-        started.fill()
-        if signum is not None:
-            started.process.send_signal(signum)
-        assert started.end(SOON) == code
-    assert_stopped_and_released(listener, moved)
 
 
 @needs_ros

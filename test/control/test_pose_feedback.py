@@ -17,13 +17,12 @@ import contextlib
 from dataclasses import replace
 from itertools import pairwise
 import math
-import random
 from statistics import median
 
 from closed_loop import ClosedLoopDrive, random_robots, SQUARE
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from kachaka_simple_control.control.pose_feedback import loop_gain, PoseFeedback
+from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.control.timing import FEEDBACK_MAX_AGE
 from kachaka_simple_control.errors import InvalidMotionError, RunFaultError
@@ -31,7 +30,6 @@ from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.simulator.drive_model import IDEAL, SimulationParameters
 from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.motion.geometry import (
-    advance,
     compose,
     integrate,
     ORIGIN,
@@ -40,7 +38,7 @@ from kachaka_simple_control.motion.geometry import (
 )
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.motion.steps import Forward, Motion, Move, Settle, Turn, Wait
+from kachaka_simple_control.motion.steps import Forward, Motion, Move, Settle, Wait
 import pytest
 from strategies import LIMITS, MOTIONS, RATES
 
@@ -63,15 +61,6 @@ def test_random_robots_end_where_they_should(seed, motion, furthest):
     assert median(angles) <= 0.3
     assert max(distances) <= furthest
     assert max(angles) <= 1.0
-
-
-def test_a_closed_loop_beats_the_open_one_and_the_one_without_the_delay():
-    open_loop, closed, ignored = (
-        ClosedLoopDrive(FLOOR, delay).run() for delay in (None, 0.3, 0.0))
-    assert math.hypot(open_loop.x, open_loop.y) > 0.04
-    assert math.hypot(ignored.x, ignored.y) > 0.01
-    assert math.hypot(closed.x, closed.y) < 0.003
-    assert abs(math.degrees(closed.theta)) < 0.05
 
 
 def test_feedback_does_not_undo_what_a_tape_measured():
@@ -109,11 +98,6 @@ def test_a_robot_that_does_as_it_is_told_is_told_the_plan(delay):
     for tick, velocity in drive.sent:
         assert velocity.linear_x == pytest.approx(tick.velocity.linear_x, abs=2e-3)
         assert velocity.angular_z == pytest.approx(tick.velocity.angular_z, abs=2e-2)
-
-
-def test_the_gain_follows_from_the_delay():
-    assert loop_gain(0.0) == loop_gain(0.1) == 1.5
-    assert loop_gain(0.4) * 0.4 == pytest.approx(1.0 / math.e)
 
 
 class Run:
@@ -185,21 +169,6 @@ def test_a_sample_that_is_no_later_or_not_finite_counts_as_none():
     assert run.next()[1].angular_z == 0.0
 
 
-@pytest.mark.parametrize('step', [Forward(1.0), Forward(-1.0), Turn(math.pi)])
-def test_odometry_that_repeats_one_pose_ends_the_run(step):
-    """As of a robot that is held by hand."""
-    run = Run(Motion('held', (step,)))
-    with pytest.raises(RunFaultError, match='from where it should be.*wheels slip'):
-        run.stand()
-    assert run.due < 4.0
-
-
-def test_a_robot_that_is_held_is_given_up_in_time():
-    drive = ClosedLoopDrive(SimulationParameters(linear_gain=0.0, dead_time=0.2), 0.2)
-    with pytest.raises(RunFaultError, match='something holds or moves it'):
-        drive.run()
-
-
 def test_at_rest_nothing_is_corrected_but_by_a_settle():
     """The robot stands a little off, in its heading, too."""
     run = Run(Motion('stand', (Wait(2.0), Settle(2.0), Wait(2.0))))
@@ -251,31 +220,6 @@ def test_no_odometry_brings_about_more_than_the_limits(motion, limits, rate, sam
     check_limits(sent, limits)
 
 
-def test_ten_thousand_hostile_samples():
-    """Of a Kachaka that drives squares, with all its limits."""
-    numbers, count, runs = random.Random(7), 0, 0
-    while count < 10_000:
-        run, sent, pose = Run(SQUARE.settled()), [(None, ZERO)], ORIGIN
-        runs += 1
-        try:
-            while (now := run.next()) is not None:
-                sent.append(now)
-                pose = advance(pose, now[1].linear_x / 20.0, now[1].angular_z / 20.0)
-                kind, count = numbers.random(), count + 1
-                late, seen = 0.0, compose(pose, Pose(*(numbers.gauss(0.0, 0.03) for _ in 'xya')))
-                if kind < 0.2:
-                    late = numbers.choice([-0.03, 0.05, 0.3, math.nan])
-                elif kind < 0.3:
-                    seen = Pose(math.nan, pose.y, pose.theta)
-                elif kind < 0.303:
-                    seen = compose(pose, Pose(1.0))
-                run.feedback.on_odometry(100.0 + run.due - late, seen, is_moving=True)
-        except RunFaultError:
-            pass
-        check_limits(sent, run.limits)
-    assert runs > 5
-
-
 def check_limits(sent, limits):
     """Check velocities against the limits, and their changes against those and the plan's."""
     rates = (min(limits.max_linear_acceleration, limits.linear_deceleration),
@@ -289,37 +233,6 @@ def check_limits(sent, limits):
             step = abs(getattr(tick.velocity, name) - getattr(planned, name))
             reachable = rate * duration if duration else 0.0
             assert change <= 1.001 * max(step, reachable) + 1e-12
-
-
-def test_a_second_run_knows_nothing_of_the_first():
-    """With the same feedback, as of one node: the first went wrong, and far away."""
-    run = Run(Motion('far', (Forward(2.0),)))
-    with pytest.raises(RunFaultError):
-        run.stand()
-    again, fresh = Run(SQUARE.settled()), Run(SQUARE.settled())
-    again.feedback = run.feedback
-    for each in (again, fresh):
-        each.begin(1000.0, Pose(5.0, 1.0, 2.0))
-    for _ in range(25):
-        (_, sent), (_, expected) = again.next(), fresh.next()
-        assert sent.linear_x == pytest.approx(expected.linear_x, abs=1e-9)
-        assert sent.angular_z == pytest.approx(expected.angular_z, abs=1e-9)
-        for each in (again, fresh):
-            each.see(compose(Pose(5.0, 1.0, 2.0), Pose(0.1 * each.due)))
-
-
-@pytest.mark.parametrize(('late', 'pose'), [(0.5, Pose()), (0.02, Pose(2.0))])
-def test_a_run_starts_where_the_newest_samples_are(late, pose):
-    """Not between them and those before a gap, or before a jump: odometry began anew."""
-    run = Run(SQUARE.settled())
-    for number in range(24):
-        run.feedback.on_odometry(200.0 + 0.02 * number, Pose(2.0, 1.0), is_moving=False)
-    run.begin(200.48 + late, pose)
-    for _ in range(5):
-        tick, sent = run.next()
-        assert sent.linear_x == pytest.approx(tick.velocity.linear_x, abs=0.005)
-        assert sent.angular_z == 0.0
-        run.see(pose)
 
 
 @given(st.data())

@@ -107,17 +107,3 @@ def test_a_program_that_was_held_up_does_not_blame_the_robot(begun, clock):
         monitor.check()
     assert str(error.value) == (
         f'odometry has been silent for 3.0 s: the program was held up, {HELD_UP_ADVICE}')
-
-
-def test_odometry_that_is_silent_while_the_program_runs_is_lost(begun, clock):
-    monitor, odometry = begun
-    for _ in range(25):
-        monitor.check()
-        clock.now += 0.02
-        odometry.on_odometry(clock.now, ZERO)
-    for _ in range(25):
-        monitor.check()
-        clock.now += 0.02
-    clock.now += 0.02
-    with pytest.raises(RunFaultError, match=r'silent for 0\.5 s: the robot or the link'):
-        monitor.check()

@@ -57,22 +57,9 @@ def test_requests_that_follow_each_other_confirm_nothing(times):
     assert not any(answers(times))
 
 
-@pytest.mark.parametrize('pause', [1.0, 1.5, 10.0])
-def test_a_second_request_confirms(pause):
-    assert answers([0.0, pause]) == [False, True]
-    assert answers([0.0, 0.5, 0.5 + pause]) == [False, False, True]
-
-
 def test_a_late_request_confirms_nothing_and_a_confirmation_serves_once():
     assert answers([0.0, 10.1, 12.0]) == [False, False, True]
     assert answers([0.0, 2.0, 4.0]) == [False, True, False]
-
-
-def test_without_a_warning_there_is_nothing_to_confirm():
-    clock = Clock()
-    confirmation = ResumeConfirmation(clock)
-    for clock.now in (5.0, 10.0, 15.0):
-        assert not confirmation.on_request()
 
 
 @given(st.lists(st.floats(0.0, 3.0), max_size=40))

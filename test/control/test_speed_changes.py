@@ -123,24 +123,6 @@ def test_a_brake_goes_on_into_the_next_move_and_ends_before_a_rest(part, factor,
     assert end.x == pytest.approx(planned.pose.x, abs=1e-9)
 
 
-def test_a_wait_stops_its_clock_only_at_zero():
-    planned = plan(Motion('wait', (Wait(2.0),)), KACHAKA, 10.0)
-    assert len(drive(planned, [(0.5, 100)])) == 20
-    held = drive(planned, [(1.0, 5), (0.0, 30)])
-    assert len(held) == 50
-    assert {tick.rest for tick in held[5:35]} == {math.inf}
-    assert all(tick.velocity.is_zero for tick in held)
-
-
-def test_a_pause_before_the_first_velocity_holds_the_start():
-    planned = plan(Motion('start', (Move(0.1, 0.0, 1.0),)), KACHAKA, 10.0)
-    ticks = drive(planned, [(0.0, 7)])
-    assert all(tick.velocity.is_zero for tick in ticks[:7])
-    # A ramp, for the pause had brought it to rest.
-    assert 0.0 < ticks[7].velocity.linear_x < 0.1
-    assert end_pose(ticks).x == pytest.approx(0.1, abs=1e-12)
-
-
 def test_after_a_pause_the_next_step_is_that_of_the_plan_again():
     planned = plan(Motion('two', (Forward(0.5), Forward(0.4))), KACHAKA, 50.0)
     ticks = drive(planned, [(1.0, 20), (0.0, 100)])

@@ -51,26 +51,12 @@ def test_what_changes_nothing_is_no_change(factor, changes):
     assert len(changes) == 1
 
 
-def test_as_long_as_one_is_zero_no_other_lets_it_move(factor):
-    factor.set(PAUSE, 0.0)
-    factor.set(OVERRIDE, 1.0)
-    factor.set('obstacle', 0.0)
-    factor.set(PAUSE, 1.0)
-    assert factor.value == 0.0
-
-
 @pytest.mark.parametrize('value', [-0.1, 1.01, float('nan'), float('inf'), '1', None])
 def test_what_is_no_factor_is_refused_and_changes_nothing(factor, changes, value):
     with pytest.raises(MotionRefusedError, match='it must be from 0 to 1'):
         factor.set(OVERRIDE, value)
     assert factor.value == 1.0
     assert changes == []
-
-
-def test_a_subscriber_may_set_a_factor(factor):
-    factor.on_change = lambda now, factors: factor.set(PAUSE, 0.0)
-    factor.set(OVERRIDE, 0.5)
-    assert factor.value == 0.0
 
 
 def test_a_factor_that_is_not_renewed_in_time_holds_the_robot(changes):

@@ -145,13 +145,6 @@ def test_a_new_run_ends_the_stop_of_the_one_before():
     assert bench.wire.sent[-1][1] == Velocity(0.2, 0.0)
 
 
-def test_the_stop_is_sent_if_no_run_follows():
-    bench = Bench()
-    bench.controller.stop_after_idle(bench.run, within=0.0)
-    bench.controller._later.join(5.0)
-    assert len(bench.zeros) >= 10
-
-
 def test_the_stop_is_sent_at_once_if_no_thread_can_start(monkeypatch):
     """As at the end of Python 3.12 and later."""
     def refuse(self):
@@ -213,13 +206,6 @@ def test_a_late_stop_does_not_end_a_run_that_begins_at_that_moment():
     bench.controller._gate = Late()
     bench.controller._stop_ended(bench.run)
     gate.send(begun[0], Velocity(0.2, 0.0))
-
-
-def test_an_interrupted_stop_is_not_reported_as_complete():
-    bench = Bench()
-    bench.time.on_sleep = bench.gate.close
-    bench.controller.stop(REASON)
-    assert set(bench.guardian.received) == {'rest'}
 
 
 def test_zeros_go_on_while_the_robot_is_seen_to_move():

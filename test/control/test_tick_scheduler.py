@@ -54,10 +54,6 @@ def test_a_step_ends_on_its_boundary_not_on_the_grid():
     assert times == pytest.approx([0.0, 0.1, 0.2, 0.25])
 
 
-def test_a_step_of_zero_duration_has_no_message():
-    assert scheduler_of(Move(0.1, 0.0, 0.0)).due(0.0) is None
-
-
 @given(moves=MOVES, rate=RATES)
 def test_asked_on_time_each_step_lasts_exactly_its_duration(moves, rate):
     answers = walk(scheduler_of(*moves, rate=rate))
@@ -86,13 +82,6 @@ def test_after_a_gap_the_current_velocity_is_due():
     due = scheduler.due(1.05)
     assert due.velocity == Velocity(0.2, 0.0)
     assert due.deadline == pytest.approx(1.1)
-
-
-def test_after_the_end_nothing_is_due():
-    scheduler = scheduler_of(Move(0.1, 0.0, 1.0))
-    scheduler.due(0.0)
-    assert scheduler.due(1.0) is None
-    assert scheduler.due(2.0) is None
 
 
 def test_the_remaining_rest_is_returned():
@@ -128,12 +117,6 @@ def test_a_step_after_a_rest_that_is_paused_as_it_begins_does_not_move():
     assert sent(moves, {5: 0.0}) == [0.0] * 40
     assert sent(moves, {2: 0.5, 5: 0.0}) == [0.0] * 40
     assert sent(moves, {2: 0.0, 4: 0.5, 7: 0.0}) == [0.0] * 40
-
-
-def test_half_the_speed_from_the_start_is_no_ramp():
-    assert sent([Move(0.2, 0.0, 1.0)], {0: 0.5}) == pytest.approx([0.1] * 20)
-    assert sent([Move(0.0, 0.0, 0.5), Move(0.2, 0.0, 1.0)], {5: 0.5}) == pytest.approx(
-        [0.0] * 5 + [0.1] * 20)
 
 
 def test_a_factor_that_ends_before_the_first_velocity_changes_nothing():

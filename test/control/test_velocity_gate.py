@@ -166,13 +166,6 @@ def test_a_suspended_machine_is_a_gap_although_the_steady_clock_stopped(wire, la
     assert len(wire.sent) == 1
 
 
-def test_the_first_message_of_a_run_has_no_gap_before_it(gate, time, wire):
-    gate.open()
-    time.now += 3600.0
-    gate.send(gate.begin(0.2), FORWARD)
-    assert len(wire.sent) == 1
-
-
 def test_each_sent_velocity_is_reported_with_its_time(gate, time):
     published = []
     gate.publish = published.append
@@ -286,14 +279,6 @@ def test_a_run_that_was_cancelled_before_it_began_never_begins(gate, wire):
     assert wire.sent == []
 
 
-def test_a_cancel_ends_the_run_under_way_and_the_one_that_waits(gate):
-    gate.open()
-    under_way, waiting = gate.begin(0.2), gate.prepare()
-    assert gate.cancel(MotionRefusedError('enough')) is under_way
-    for run in (under_way, waiting):
-        assert str(run.ended_by) == 'enough'
-
-
 def test_a_run_that_waits_does_not_end_the_zeros_of_the_one_before(gate, wire):
     """Its whole stop goes on until the next run really begins."""
     gate.open()
@@ -356,9 +341,3 @@ def test_a_stop_of_the_guardian_is_logged_before_the_zeros_after_it(time, gate, 
     assert logged == [
         (5.0, FORWARD, VelocityKind.PLAN), (5.1, ZERO, VelocityKind.GUARDIAN),
         (7.0, ZERO, VelocityKind.STOP), (7.0, ZERO, VelocityKind.STOP)]
-
-
-def test_a_stop_of_the_node_itself_is_no_stop_of_the_guardian(latch):
-    assert latch.guardian_stop_time is None
-    latch.trip()
-    assert latch.guardian_stop_time is None

@@ -16,20 +16,11 @@
 import os
 import signal
 import statistics
-import subprocess
 import sys
 import threading
 import time
 import types
 
-from kachaka_simple_control.control import processes
-from kachaka_simple_control.control.events import (
-    MotionEnded,
-    MotionPlanned,
-    MotionStarted,
-    SessionEnded,
-)
-from kachaka_simple_control.display import terminal
 from kachaka_simple_control.display.display_program import (
     LineRenderer,
     PanelRenderer,
@@ -37,15 +28,12 @@ from kachaka_simple_control.display.display_program import (
     TerminalDisplay,
 )
 from kachaka_simple_control.display.drive_status import DriveState
-from kachaka_simple_control.display.terminal import DISPLAY_MODULE
 from kachaka_simple_control.motion.geometry import Velocity
-from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.steps import Forward, Motion, Wait
 from kachaka_simple_control.telemetry.subscriber_process import encode
 from messages import of_plan
 from program import COMMAND, program
 import pytest
-from terminals import at_terminal, Screen
+from terminals import at_terminal
 
 pytestmark = [pytest.mark.real_time, pytest.mark.needs('rich')]
 
@@ -127,20 +115,6 @@ def test_a_panel_stays_below_log_lines_that_scroll(columns, rows):
         assert is_clean(shown.screen)
 
 
-def test_a_terminal_that_changes_its_size_gets_a_panel_that_fits():
-    with at_terminal(publisher(0.6), 100, 24) as shown:
-        begin(shown)
-        shown.resize(70, 20)
-        # A real terminal keeps its lines; this one only has to be written to as one of that size.
-        shown.screen.lines, shown.screen.row = [''] * 20, 0
-        shown.screen.columns, shown.screen.rows, shown.screen.bottom = 70, 20, 20
-        shown.wait_for_text('DRIVING')
-        assert shown.screen.bottom == 14
-        assert len(shown.screen.lines[14]) == 69
-        assert shown.end() == 0
-        assert is_clean(shown.screen)
-
-
 def test_a_terminal_too_small_for_a_panel_gets_lines():
     # Long enough for the display to be there before the end.
     with at_terminal(publisher(1.0), 40, 10) as shown:
@@ -161,18 +135,6 @@ def test_when_the_program_is_killed_the_terminal_is_left_as_it_was():
         shown.wait_for_text(
             'kachaka_simple_control was killed in mid-motion: its guardian stops the')
         shown.read_for(0.3)
-        assert is_clean(shown.screen)
-
-
-def test_when_the_display_is_killed_the_terminal_is_cleared_and_the_drive_goes_on():
-    with at_terminal(publisher(1.0)) as shown:
-        begin(shown)
-        os.kill(shown.display(), signal.SIGKILL)
-        shown.read_for(0.5)
-        assert shown.process.poll() is None
-        assert is_clean(shown.screen)
-        assert shown.end() == 0
-        assert all_lines(shown.screen.above, 20)
         assert is_clean(shown.screen)
 
 
@@ -225,42 +187,6 @@ def test_frames_are_drawn_while_the_robot_s_thread_sleeps(monkeypatch):
     assert statistics.median(drawn) < 0.02
 
 
-def test_a_display_that_starts_late_writes_all_lines():
-    """The drive was over before its program had started."""
-    velocity = Velocity(0.25)
-    motion = Motion('there', (Forward(0.25), Wait(1.0)))
-    events = [MotionPlanned(motion, Limits(0.25, 1.0), 10.0)]
-    events.append(MotionStarted(100.0))
-    events += [of_plan(100.0 + tick / 10, velocity, 100.0) for tick in range(20)]
-    events += [MotionEnded(102.0), SessionEnded(102.5)]
-    ended = subprocess.run(
-        processes.python_command(DISPLAY_MODULE), env=processes.child_environment(),
-        capture_output=True, check=True,
-        input=b''.join(packet for event in events for packet in encode(event)))
-    assert ended.stderr.decode().splitlines() == [
-        'step 1 of 2: forward 0.25 m (1 s)', 'step 2 of 2: wait 1 s (1 s)']
-
-
-@pytest.mark.parametrize('cursor', [0, 5, 19])
-def test_rows_are_reserved_wherever_the_cursor_is(cursor):
-    screen = Screen(80, 20)
-    screen.write('\n'.join(map(str, range(cursor + 1))))
-    screen.write('\r')
-    screen.write(
-        terminal.reserve_rows(20, 6) + terminal.draw_rows(20, ['a', 'b', 'c', 'd', 'e', 'f']))
-    assert screen.lines[14:] == ['a', 'b', 'c', 'd', 'e', 'f']
-    assert screen.row == min(cursor, 13)
-    screen.write(f'{terminal.RELEASE_ROWS}end')
-    assert screen.above[-1] == 'end'
-    assert len(screen.above) == cursor + 1
-
-
-def test_releasing_rows_without_a_panel_is_harmless():
-    screen = Screen(80, 20)
-    screen.write(f'one\r\n{terminal.RELEASE_ROWS}two')
-    assert screen.above == ['one', 'two']
-
-
 def test_without_rich_it_warns_once_and_writes_lines(monkeypatch):
     leader, follower = os.openpty()
     monkeypatch.setenv('TERM', 'xterm')
@@ -303,21 +229,6 @@ def motion(tmp_path):
 
 
 @pytest.mark.ros
-def test_a_drive_is_shown_and_its_log_lines_stay(motion):
-    with at_terminal([*COMMAND, motion, '--sim'], 130, 30) as shown:
-        shown.wait_for_text('step 2 of 3: wait 1 s')
-        assert 'short on kachaka' in shown.screen.lines[-6]
-        assert not shown.screen.lines[-1].endswith('nothing yet')
-        assert shown.end(40.0) == 0
-        text = '\n'.join(shown.screen.above)
-        for line in ('Robot control node has started', 'Robot has stopped',
-                     'Motion completed: short, 3 steps, '):
-            assert text.count(f'{LOG}{line}') == 1
-        assert shown.screen.above[-1].startswith('Final pose by odometry: ')
-        assert is_clean(shown.screen)
-
-
-@pytest.mark.ros
 def test_ctrl_c_ends_the_drive_and_the_display(motion):
     with at_terminal([*COMMAND, motion, '--sim'], 130, 30) as shown:
         shown.wait_for_text('DRIVING')
@@ -334,30 +245,6 @@ def test_ctrl_c_ends_the_drive_and_the_display(motion):
 
 
 @pytest.mark.ros
-def test_the_movements_of_the_lesson_are_counted():
-    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
-    with at_terminal([*COMMAND, '--sim'], 130, 30) as shown:
-        shown.wait_for_text('DRIVING   movement 2 of 7: move 0.1 m/s, 0 rad/s')
-        shown.press(b'\x03')
-        assert shown.end() == 130
-
-
-@pytest.mark.ros
-def test_who_waits_for_a_robot_sees_how_long_and_where():
-    pytest.importorskip('rclpy', reason='needs ROS 2')
-    words = ['--ros-args', '-p', 'robot_timeout:=60.0', '-p', 'robot_namespace:=/absent']
-    with at_terminal([*COMMAND, *words], 130, 30) as shown:
-        shown.wait_for_text('for the robot to be ready, 5')
-        shown.wait_for_text('topic       /absent/manual_control/cmd_vel')
-        shown.press(b'\x03')
-        began = time.monotonic()
-        assert shown.end() == 130
-        assert time.monotonic() - began < 4.0
-        assert shown.screen.above[-1].endswith(f'{LOG}Program was interrupted')
-        assert is_clean(shown.screen)
-
-
-@pytest.mark.ros
 def test_output_that_is_no_terminal_gets_a_line_for_each_step(motion, tmp_path):
     with program([*COMMAND, motion, '--sim'], tmp_path) as started:
         assert started.end(40.0) == 0
@@ -365,13 +252,3 @@ def test_output_that_is_no_terminal_gets_a_line_for_each_step(motion, tmp_path):
     steps = [line for line in started.text.splitlines() if line.startswith('step ')]
     assert [step.partition(' (')[0] for step in steps] == [
         'step 1 of 3: forward 0.2 m', 'step 2 of 3: wait 1 s', 'step 3 of 3: turn 45 deg']
-
-
-@pytest.mark.ros
-def test_quiet_leaves_log_lines_and_the_result(motion):
-    with at_terminal([*COMMAND, motion, '--sim', '--quiet'], 130, 30) as shown:
-        shown.wait_for_text('Motion completed: short, 3 steps')
-        assert 'DRIVING' not in str(shown)
-        assert not any(line.startswith('step ') for line in shown.screen.above)
-        assert shown.end(40.0) == 0
-        assert shown.screen.above[-1].startswith('Final pose by odometry: ')

@@ -16,7 +16,6 @@
 from dataclasses import replace
 import io
 from itertools import pairwise
-import math
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -143,17 +142,6 @@ def test_a_step_has_its_number_its_description_and_what_remains():
     assert (step.remaining.distance, step.remaining.angle) == (None, pytest.approx(0.6))
 
 
-def test_the_remaining_distance_is_by_odometry_while_that_is_new():
-    """Of a robot that goes half as far as commanded."""
-    tracker = driven(1.0, gain=0.5)
-    remaining = tracker.status_at(START + 1.0).step.remaining
-    assert (remaining.distance, remaining.by_odometry) == (pytest.approx(0.375), True)
-    for tick in range(11, 18):
-        tracker.on_event(of_plan(START + tick / 10, Velocity(0.25), START))
-    remaining = tracker.status_at(START + 1.7).step.remaining
-    assert (remaining.distance, remaining.by_odometry) == (pytest.approx(0.075), False)
-
-
 def test_by_commands_a_calibrated_robot_does_what_was_planned():
     tracker = started()
     for tick in range(11):
@@ -162,13 +150,6 @@ def test_by_commands_a_calibrated_robot_does_what_was_planned():
     status = tracker.status_at(START + 1.0)
     assert status.step.remaining.distance == pytest.approx(0.25)
     assert status.commanded == Velocity(0.3)
-
-
-def test_a_displacement_over_two_steps_is_shared_between_them():
-    tracker = started()
-    tracker.on_event(OdometryReceived(START + 1.9, Pose(0.475), Velocity(0.25)))
-    tracker.on_event(OdometryReceived(START + 2.1, Pose(0.5, 0.0, 0.1), Velocity(0.0, 1.0)))
-    assert tracker.status_at(START + 2.1).step.remaining.angle == pytest.approx(0.95)
 
 
 def test_states_follow_the_events():
@@ -200,31 +181,6 @@ def test_a_stop_is_shown_from_its_first_zeros():
     assert StepLogger().update(status, START + 2.03) == []
     tracker.on_event(MotionEnded(START + 2.35, 'stopped by SIGINT'))
     assert tracker.status_at(START + 2.5).state is DriveState.CUT_SHORT
-
-
-def test_the_stop_of_the_movement_before_is_none_of_the_next():
-    """It may begin when the next one is planned already."""
-    tracker = driven(1.0)
-    tracker.on_event(MotionEnded(START + 1.0))
-    tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0))
-    tracker.on_event(StopBegan(START + 1.1))
-    tracker.on_event(MotionStarted(START + 2.0))
-    tracker.on_event(of_plan(START + 2.0, Velocity(0.25), START + 2.0))
-    assert tracker.status_at(START + 2.1).state is DriveState.DRIVING
-
-
-def test_a_run_without_a_plan_is_driving_in_no_step():
-    tracker = driven(1.0)
-    tracker.on_event(MotionEnded(START + 1.0))
-    tracker.on_event(MotionStarted(START + 5.0, has_plan=False))
-    tracker.on_event(VelocitySent(START + 5.0, Velocity(0.1), VelocityKind.HAND, 0.0))
-    status = tracker.status_at(START + 5.1)
-    assert (status.state, status.step, status.duration) == (DriveState.DRIVING, None, None)
-    assert status.commanded == Velocity(0.1)
-
-
-def test_zeros_of_a_plan_are_no_stop():
-    assert driven(3.5).status_at(START + 3.5).state is DriveState.DRIVING
 
 
 def test_as_long_as_odometry_sees_it_move_it_is_stopping():
@@ -285,32 +241,6 @@ def test_each_step_has_one_line_and_lines_are_not_too_fast(durations):
         assert numbers == list(range(1, len(durations) + 1))
 
 
-def test_a_line_has_number_description_and_duration():
-    assert StepLogger().update(started().status_at(START), START) == [
-        'step 1 of 3: forward 0.5 m (2 s)']
-
-
-def test_a_motion_that_is_driven_again_is_logged_again():
-    tracker, logger, lines = started(), StepLogger(), []
-    for run in range(2):
-        start = START + 10.0 * run
-        tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0))
-        lines += logger.update(tracker.status_at(start - 0.1), start - 0.1)
-        tracker.on_event(MotionStarted(start))
-        lines += logger.update(tracker.status_at(start), start)
-        tracker.on_event(MotionEnded(start + 4.0))
-    assert lines == ['step 1 of 3: forward 0.5 m (2 s)'] * 2
-
-
-def test_waiting_for_the_robot_is_logged_once():
-    tracker, logger = DriveTracker(), StepLogger()
-    tracker.on_event(STARTED)
-    tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0))
-    lines = [line for tick in range(100)
-             for line in logger.update(tracker.status_at(tick), float(tick))]
-    assert lines == ['three: waiting for the robot on cmd_vel']
-
-
 def waiting(began=START):
     """Return the tracker of a drive that waits for its robot, 10 s at most."""
     tracker = DriveTracker()
@@ -318,13 +248,6 @@ def waiting(began=START):
         STARTED, velocity_topic='/kachaka/cmd_vel', settings={'robot_timeout': 10.0}))
     tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0, began))
     return tracker
-
-
-def test_the_line_on_waiting_names_the_topic_and_the_time_left():
-    tracker, logger = waiting(), StepLogger()
-    assert logger.update(tracker.status_at(START), START) == []
-    assert logger.update(tracker.status_at(START + 3.0), START + 3.0) == [
-        'three: waiting for the robot on /kachaka/cmd_vel, 7 s left']
 
 
 @pytest.fixture
@@ -380,11 +303,6 @@ def test_after_an_early_end_nothing_is_left(drawn, factors):
     assert 'left' not in text
 
 
-def test_a_panel_says_that_nothing_was_started(drawn):
-    text = '\n'.join(drawn(DriveTracker().status_at(START), 100))
-    assert 'READY   the motion has not been started' in text
-
-
 def test_lines_say_once_how_to_stop_and_only_to_somebody_at_a_terminal():
     for has_hint in (True, False):
         lines = []
@@ -395,14 +313,6 @@ def test_lines_say_once_how_to_stop_and_only_to_somebody_at_a_terminal():
             renderer.show(driven(elapsed).status_at(START + elapsed), START + elapsed, 'q stops')
         assert lines == [*has_hint * ['q stops\n'], 'step 1 of 3: forward 0.5 m (2 s)\n',
                          'step 2 of 3: turn 57.296 deg (1 s)\n']
-
-
-def test_a_panel_counts_down_while_it_waits_and_names_the_topic(drawn):
-    shown = [drawn(waiting().status_at(START + elapsed), 60)[1:3] for elapsed in (0.0, 2.5, 10.5)]
-    assert [state.split('  ')[-1].strip() for state, _ in shown] == [
-        'for the robot to be ready, 10 s left', 'for the robot to be ready, 8 s left',
-        'for the robot to be ready']  # and for manual control, which has a time of its own
-    assert {topic for _, topic in shown} == {'topic       /kachaka/cmd_vel'}
 
 
 @given(columns=st.integers(60, 250), events=st.lists(EVENTS, max_size=8), now=TIMES,
@@ -421,19 +331,3 @@ def test_no_line_of_a_panel_is_wider_than_the_terminal(columns, events, now, tit
     assert max(map(cell_len, lines)) < columns
     assert all(line.isprintable() for line in lines)
     assert 'Ctrl+C stops the robot' in lines[0]
-
-
-@pytest.mark.parametrize('encoding', ['utf-8', 'latin-1'])
-def test_the_bar_can_be_read_without_colours(drawn, encoding):
-    bar = drawn(driven(3.0).status_at(START + 3.0), 100, encoding)[3]
-    done, rest = ('\u2501', '\u2500') if encoding == 'utf-8' else ('#', '-')
-    assert bar.count(done) == pytest.approx(3 * bar.count(rest), abs=3)
-    assert math.isclose(bar.count(done) + bar.count(rest), 99 - 30, abs_tol=6)
-
-
-def test_a_long_reason_takes_two_lines(drawn):
-    tracker = driven(1.0)
-    reason = 'the guardian stopped the robot: the node sent no heartbeat, and stayed so'
-    tracker.on_event(MotionEnded(START + 1.0, reason))
-    lines = drawn(tracker.status_at(START + 5.0), 60)
-    assert ' '.join(' '.join(lines[1:3]).split()) == f'CUT SHORT {reason}'

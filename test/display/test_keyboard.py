@@ -90,15 +90,6 @@ def test_keys_pause_resume_change_the_speed_and_stop(motion):
         assert collects_lines(shown)
 
 
-def test_a_program_that_is_killed_leaves_a_terminal_that_collects_lines(motion):
-    with at_terminal([*COMMAND, motion, '--sim'], 130, 30) as shown:
-        shown.wait_for_text('DRIVING')
-        assert not collects_lines(shown)
-        shown.process.send_signal(signal.SIGKILL)
-        shown.wait_for_text('was killed in mid-motion')
-        assert collects_lines(shown)
-
-
 def test_in_the_background_nothing_is_read_and_nothing_is_suspended(motion):
     command = [sys.executable, '-c', SHELL, *COMMAND, motion, '--sim']
     with at_terminal(command, 130, 30) as shown:
@@ -115,18 +106,6 @@ def test_in_the_background_nothing_is_read_and_nothing_is_suspended(motion):
         shown.press(b'q')
         assert shown.end() == 130
         assert collects_lines(shown)
-
-
-def test_without_keys_the_terminal_is_left_alone(motion):
-    """With --quiet nothing shows the keys; what is typed is for the shell."""
-    with at_terminal([*COMMAND, motion, '--sim', '--quiet'], 130, 30) as shown:
-        shown.wait_for_text('manual control enabled')
-        shown.press(b' q')
-        shown.read_for(1.0)
-        assert collects_lines(shown)
-        assert not any('Paused' in line for line in shown.screen.lines)
-        shown.press(b'\x03')
-        assert shown.end() == 130
 
 
 def test_a_pause_before_the_start_is_shown_and_holds_the_motion(motion):

@@ -107,24 +107,10 @@ def test_any_text_is_read_or_refused(text):
     accept_or_refuse(text)
 
 
-@given(st.lists(PIECES, max_size=30).map(''.join))
-@SETTINGS
-def test_yaml_in_pieces_is_read_or_refused(text):
-    accept_or_refuse(text)
-
-
 @given(st.dictionaries(st.sampled_from(['name', 'limits', 'rate', 'robot', 'steps']), JSON))
 @SETTINGS
 def test_any_values_in_the_places_of_a_motion_are_read_or_refused(data):
     accept_or_refuse(json.dumps(data))
-
-
-@given(JSON, st.sampled_from(
-    ['move', 'forward', 'turn', 'arc', 'wait', 'repeat', 'goto', 'waypoints']))
-@SETTINGS
-def test_any_value_in_the_place_of_a_step_is_read_or_refused(value, word):
-    accept_or_refuse(json.dumps({'steps': [{word: value}, value]}))
-    accept_or_refuse(json.dumps({'steps': [{'repeat': {'times': 2, 'steps': [{word: value}]}}]}))
 
 
 @given(data=st.binary(max_size=200))

@@ -21,11 +21,10 @@ from pathlib import Path
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files import library as library_module
 from kachaka_simple_control.files.document import MotionFileError
-from kachaka_simple_control.files.library import find, library
+from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.motion_file import dump, loads
-from kachaka_simple_control.files.robot_profile import find_robot, robots
+from kachaka_simple_control.files.robot_profile import find_robot
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose
-from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Move, Repeat, Step, Turn, Wait
 import pytest
 
@@ -56,10 +55,6 @@ def drive(pose: Pose, steps: tuple[Step, ...]) -> Pose:
     return pose
 
 
-def test_the_library_has_these_motions():
-    assert library() == NAMES
-
-
 @pytest.mark.parametrize('name, end', [
     ('calibration', (0, 0, 0)), ('circle', (0, 0, 360)), ('figure_eight', (0, 0, 0)),
     ('floor_straight', (1, 0, 0)), ('floor_turn', (0, 0, 360)), ('flowing_eight', (0, 0, 0)),
@@ -72,18 +67,6 @@ def test_each_ends_where_its_name_says(name, end):
     assert (pose.x, pose.y, pose.theta) == pytest.approx((x, y, math.radians(degrees)), abs=1e-9)
 
 
-@pytest.mark.parametrize('robot', robots())
-@pytest.mark.parametrize('name', NAMES)
-def test_each_robot_can_drive_it(name, robot):
-    file, profile = find(name), find_robot(robot)
-    limits = file.check(profile.limits, profile.name)
-    planned = plan(file.motion, limits, file.rate or 20.0)
-    ours, geometry = planned.path()[-1], drive(ORIGIN, file.motion.steps)
-    if name != 'lesson':  # which has velocities, not a path
-        assert (ours.x, ours.y, ours.theta) == pytest.approx(
-            (geometry.x, geometry.y, geometry.theta), abs=1e-6)
-
-
 @pytest.mark.parametrize('name', NAMES)
 def test_each_has_its_name_and_a_description(name):
     file = find(name)
@@ -91,13 +74,6 @@ def test_each_has_its_name_and_a_description(name):
     assert file.motion.description.endswith('.')
     assert (file.robot, dict(file.limits)) == (None, {})
     assert loads(dump(file.motion)).motion == file.motion
-
-
-@pytest.mark.parametrize('name', [name for name in NAMES if name != 'lesson'])
-def test_each_file_names_its_schema_and_has_short_lines(name):
-    text = Path(find(name).source).read_text()
-    assert text.startswith('# yaml-language-server: $schema=motion.schema.json\n')
-    assert all(len(line) <= 99 for line in text.splitlines())
 
 
 def test_the_lesson_has_the_steps_that_the_node_drives():
@@ -148,14 +124,6 @@ def test_a_lesson_without_an_end_is_refused(tmp_path, monkeypatch):
         find('lesson')
 
 
-def test_umbmark_is_the_same_square_in_both_directions():
-    both = [find(f'umbmark_{way}').motion for way in ('ccw', 'cw')]
-    for motion, sign in zip(both, (1, -1)):
-        _, repeat, _ = motion.steps
-        forward, _, turn, _ = repeat.steps
-        assert (repeat.times, forward.distance, turn.angle) == (4, 4.0, sign * math.pi / 2)
-
-
 def test_a_path_names_a_file_and_a_name_a_library_motion(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for path in ('square', 'square.yaml'):
@@ -165,13 +133,6 @@ def test_a_path_names_a_file_and_a_name_a_library_motion(tmp_path, monkeypatch):
                  Path('square')):
         assert find(path).motion.name == 'mine'
         assert find(path).source == str(path)
-
-
-def test_a_file_beside_is_offered_for_its_name(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path('patrol.yaml').write_text('steps: []')
-    with pytest.raises(MotionFileError, match=r"did you mean './patrol\.yaml'\?"):
-        find('patrol')
 
 
 @pytest.mark.parametrize('robot, seen_from_here', [

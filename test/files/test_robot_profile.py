@@ -21,10 +21,9 @@ import math
 import re
 
 from golden import answers, compare
-from kachaka_simple_control.control.timing import MAX_LATENESS, MAX_RATE, rate_problem
+from kachaka_simple_control.control.timing import MAX_LATENESS, MAX_RATE
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import (
-    ANY_TYPE,
     calibrated_text,
     find_robot,
     KACHAKA,
@@ -34,7 +33,7 @@ from kachaka_simple_control.files.robot_profile import (
     robots,
 )
 from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
-from kachaka_simple_control.motion.geometry import Box, Disc, Velocity
+from kachaka_simple_control.motion.geometry import Box, Velocity
 from kachaka_simple_control.motion.limits import Limits
 import pytest
 
@@ -69,31 +68,11 @@ def test_a_file_to_which_nothing_can_be_added_is_refused(text, tmp_path):
         calibrated_text(str(file), Calibration())
 
 
-def test_the_package_knows_five_robots():
-    assert robots() == ['create3', 'generic', 'kachaka', 'turtlebot3', 'turtlesim']
-    assert [find_robot(name).name for name in robots()] == robots()
-
-
-def test_kachaka_is_known_without_a_file():
-    assert find_robot('kachaka') is KACHAKA
-    assert not (ROBOTS / 'kachaka.yaml').is_file()
-
-
 def test_kachaka_has_its_makers_figures_and_chosen_accelerations():
     assert KACHAKA == RobotProfile(
         'kachaka', '/kachaka', 'manual_control/cmd_vel', 'odometry/odometry',
         'manual_control/set_enabled', 60.0, 0.3, Limits(0.3, 1.57, 0.5, 2.5, 2.0, 10.0), 'Twist',
         'base_link', Box(0.387, 0.24, 0.0435))
-
-
-def test_other_robots_take_other_messages_and_need_no_manual_control():
-    turtlebot3 = find_robot('turtlebot3')
-    assert (turtlebot3.message_type, turtlebot3.frame) == ('TwistStamped', 'base_link')
-    assert (turtlebot3.namespace, turtlebot3.velocity_topic) == ('/', 'cmd_vel')
-    assert (turtlebot3.manual_control_service, turtlebot3.manual_control_timeout) == (
-        None, math.inf)
-    generic = find_robot('generic')
-    assert (generic.message_type, generic.odometry_required) == (ANY_TYPE, False)
 
 
 @pytest.mark.parametrize('name', [name for name in robots() if name != KACHAKA.name])
@@ -110,11 +89,6 @@ def test_each_figure_has_its_source_or_is_chosen(name):
         else:
             commented = '#' in line or everywhere
     assert figures > 5
-
-
-def test_a_custom_robot_has_defaults(robot):
-    assert robot(LEAST) == RobotProfile(
-        'robot', '/', 'cmd_vel', None, None, math.inf, 0.5, Limits(0.2, 1.0))
 
 
 def test_a_custom_robot_may_set_every_key(robot):
@@ -144,11 +118,6 @@ footprint: {length: 40 cm, width: 300 mm, ahead: -5 cm}
         'own', '/a/b', 'base/cmd_vel', 'odom', 'enable', 60.0, 0.3,
         Limits(0.3, math.pi / 2, 0.5, math.pi, 2.0, 4 * math.pi, 1.0, 2 * math.pi, 0.1),
         'TwistStamped', 'base', Box(0.4, 0.3, -0.05), odometry_required=False)
-
-
-@pytest.mark.parametrize('line', ['odometry_topic: null', 'manual_control: null', 'footprint: ~'])
-def test_what_a_robot_does_not_have_is_null(robot, line):
-    assert robot(LEAST + line) == robot(LEAST)
 
 
 def test_a_robot_may_extend_one_that_is_known(robot):
@@ -204,10 +173,6 @@ def test_a_calibration_replaces_one_of_its_kind_and_keeps_all_else(robot, tmp_pa
     again = robot(text)
     assert again.calibration == Calibration(1.1)
     assert again.odometry_calibration == own.odometry_calibration
-
-
-def test_an_outline_may_be_round(robot):
-    assert robot(LEAST + 'footprint: {radius: 22 cm}').footprint == Disc(0.22)
 
 
 #: Calibrations that are refused, each in one line.
@@ -285,9 +250,3 @@ def test_a_robot_that_keeps_a_velocity_too_briefly_is_refused(tmp_path, timeout)
     with pytest.raises(RobotFileError, match=(
             r'hasty.yaml:2: command_timeout: 0\.\d+ s is too short: .*at least 0.101 s')):
         find_robot(file)
-
-
-def test_the_shortest_command_timeout_leaves_a_rate(tmp_path):
-    file = tmp_path / 'hasty.yaml'
-    file.write_text('extends: kachaka\ncommand_timeout: 0.101 s\n')
-    assert rate_problem(MAX_RATE, find_robot(file).command_timeout, 'hasty') == ''

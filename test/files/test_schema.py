@@ -20,9 +20,7 @@ from importlib.resources import files
 import json
 from typing import Any
 
-from kachaka_simple_control.files.document import _MESSAGES
 from kachaka_simple_control.files.motion_file import loads, motion_schema
-from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES
 from kachaka_simple_control.motion.step_base import KINDS
 from kachaka_simple_control.motion.steps import MAX_TIMES
 from kachaka_simple_control.motion.units import QUANTITIES, SignRule
@@ -45,10 +43,6 @@ def schema(path: str) -> dict[str, Any]:
 MOTION = schema('motions/motion.schema.json')
 ROBOT = schema('robots/robot.schema.json')
 STEP = MOTION['definitions']['step']
-#: Keywords that say nothing of what may be in a file, or only with others.
-SILENT = {
-    '$schema', 'title', 'description', 'examples', 'definitions', 'properties', 'items', '$ref',
-    'expected', 'entry', 'quantity', 'synonyms'}
 
 
 def parts(node: dict[str, Any]) -> Iterator[dict[str, Any]]:
@@ -60,16 +54,6 @@ def parts(node: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 ALL = [part for whole in (MOTION, ROBOT) for part in parts(whole)]
-
-
-@pytest.mark.parametrize('whole', [MOTION, ROBOT], ids=['motion', 'robot'])
-def test_they_are_schemas_of_draft_7(whole):
-    assert whole['$schema'] == 'http://json-schema.org/draft-07/schema#'
-    jsonschema.Draft7Validator.check_schema(whole)
-
-
-def test_each_keyword_has_an_error_message():
-    assert {keyword for part in ALL for keyword in part} - SILENT == set(_MESSAGES)
 
 
 def test_each_part_has_a_description_and_a_text_for_errors():
@@ -116,13 +100,6 @@ def test_steps_are_those_of_the_program():
         if not kind.form and 'quantity' in part:
             assert QUANTITIES[part['quantity']] is next(iter(quantities.values()))
     assert STEP['properties']['repeat']['properties']['times']['maximum'] == MAX_TIMES
-
-
-def test_limits_are_those_of_the_program_in_both_schemas():
-    limits = MOTION['properties']['limits']['properties']
-    assert limits == ROBOT['properties']['limits']['properties']
-    assert {name: QUANTITIES[part['quantity']] for name, part in limits.items()
-            } == LIMIT_QUANTITIES
 
 
 def test_the_schema_alone_accepts_and_refuses_what_the_program_does():

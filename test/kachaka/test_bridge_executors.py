@@ -121,12 +121,6 @@ def test_subscription_executor_without_messages_costs_nothing_and_ends_at_once(n
     assert running.busy < 0.1
 
 
-def test_subscription_executor_stopped_before_it_begins_does_not_begin(node):
-    subscribed = SubscriptionExecutor(node, subscription(node), lambda _: None)
-    subscribed.stop()
-    Running(subscribed).end.result(AT_ONCE)
-
-
 def test_subscription_executor_ends_in_the_midst_of_a_flood(node):
     """Each message brings the next, so there is always one more to take."""
     flood = threading.Event()
@@ -180,32 +174,6 @@ def test_node_executor_leaves_the_subscription_to_its_own(node):
     assert len(received) > 10
 
 
-def test_what_the_subscription_executor_takes_wakes_no_other(node):
-    """Not even to look for events of the subscription, which share its condition in DDS."""
-    received = []
-    subscribed = Running(SubscriptionExecutor(node, subscription(node), received.append))
-    rest = Running(NodeExecutor(node))
-    publish = velocities(node)
-    assert is_reached(publish, received)
-    for _ in range(500):
-        publish(1.0)
-        time.sleep(0.002)
-    rest.stop()
-    subscribed.stop()
-    assert len(received) > 100
-    assert rest.busy < 0.3 * subscribed.busy
-
-
-def test_subscription_executor_goes_on_when_the_node_executor_has_ended(node):
-    received = []
-    subscribed, rest = Running(
-        SubscriptionExecutor(node, subscription(node), received.append)), Running(
-        NodeExecutor(node))
-    rest.stop()
-    assert is_reached(velocities(node), received)
-    subscribed.stop()
-
-
 class Ends:
     """Records a shutdown request."""
 
@@ -232,13 +200,6 @@ class Endless:
     def stop(self):
         """End."""
         self._over.set()
-
-
-def test_failure_beside_an_executor_is_not_waited_for():
-    begun = time.monotonic()
-    with pytest.raises(ValueError, match='beside'), _spinning(Endless(), Ends()):
-        raise ValueError('beside')
-    assert time.monotonic() - begun < AT_ONCE
 
 
 def test_end_of_an_executor_ends_the_program():

@@ -101,17 +101,6 @@ def test_a_velocity_that_is_cut_is_said_with_its_sign(node, monkeypatch, velocit
     assert [line.startswith(text) for line in logged] == ([] if text is None else [True])
 
 
-def test_where_the_robot_ended_is_logged_when_the_bridge_ends_first(probe, namespace):
-    with bridge('--namespace', namespace) as process:
-        odometry, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
-        probe.set_enabled(namespace, True)
-        probe.send(publisher, -0.1)
-        assert settled_x(odometry) == pytest.approx(-TIMEOUT_DISTANCE, abs=1e-9)
-        process.process.send_signal(signal.SIGINT)
-        assert process.end(3.0) == 0
-        assert process.text.count(': pose: -0.0300 m, 0.0000 m, 0.00 deg (x, y, heading') == 1
-
-
 def test_a_bridge_that_cannot_leave_the_graph_ends_all_the_same(tmp_path):
     text = """
 import ctypes
@@ -126,34 +115,6 @@ bridge_command.main(['--sim'])
         started.send(signal.SIGTERM)
         assert started.end() == 1
     assert 'Timeout (0:00:01)!' in started.text
-
-
-def test_turning_is_reported_in_odometry(probe, namespace):
-    """Heading and frames, and the velocity during the motion."""
-    with bridge('--namespace', namespace, '--frame-prefix', 'left/') as process:
-        odometry, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
-        wheels = probe.odometry(namespace, 'wheel_odometry/wheel_odometry')
-        probe.set_enabled(namespace, True)
-        probe.send(publisher, 0.0, 0.5)
-        assert wait_until(lambda: odometry[-1][1].twist.twist.angular.z == 0.5)
-        settled_x(odometry)
-    for message in (odometry[-1][1], wheels[-1][1]):
-        assert message.pose.pose.orientation.z == pytest.approx(math.sin(0.075))
-        assert message.pose.pose.orientation.w == pytest.approx(math.cos(0.075))
-        assert message.header.frame_id == 'left/odom'
-        assert message.child_frame_id == 'left/base_footprint'
-        assert abs(message.header.stamp.sec - time.time()) < 60.0
-
-
-def test_options_reach_the_robot(probe, namespace):
-    """A gain of 0.5 on the dock: 0.1 m off it, then half of what is sent."""
-    options = ('--docked', '--linear-gain', '0.5', '--undock-velocity', '1')
-    with bridge('--namespace', namespace, *options) as process:
-        odometry, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
-        probe.set_enabled(namespace, True)
-        assert settled_x(odometry) == pytest.approx(0.1, abs=1e-9)
-        probe.send(publisher, 0.1)
-        assert settled_x(odometry) == pytest.approx(0.115, abs=1e-9)
 
 
 def test_odometry_comes_at_50_hz(probe, namespace):
@@ -223,18 +184,6 @@ def test_odometry_is_published_only_for_subscribers(node):
             publisher.published for publisher in node._odometry]
 
 
-def test_manual_control_that_is_renewed_is_logged_once(node, monkeypatch):
-    """A long drive renews it every 20 s, and a client may repeat its request."""
-    logged = []
-    monkeypatch.setattr(node, 'get_logger', lambda: SimpleNamespace(info=logged.append))
-    for enabled in (True, True, False, False):
-        assert node.set_manual_control(enabled) == ''
-    assert logged[:2] == ['manual control enabled', 'manual control disabled']
-    assert len(logged) == 3  # and where it is
-    node.close()
-    assert len(logged) == 3
-
-
 @pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_end_it_without_a_traceback(signum):
     """Exit code 0, soon; a second signal does not interrupt the shutdown."""
@@ -286,9 +235,3 @@ def test_bad_arguments_are_one_line(options, text):
         assert len(process.lines) == 1
         assert process.text.startswith('kachaka_bridge: ')
         assert text in process.text
-
-
-def test_ros_arguments_reach_the_node(probe, namespace):
-    """Namespaces can be remapped as those of any node."""
-    with bridge('--ros-args', '-r', f'__ns:={namespace}'):
-        assert probe.odometry(namespace)

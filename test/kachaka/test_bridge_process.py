@@ -81,15 +81,6 @@ def test_process_runs_for_the_block_and_ends_after_it(stand_in):
     assert not processes.is_running(process.pid)
 
 
-@pytest.mark.parametrize('error', [ValueError, KeyboardInterrupt, SystemExit, ControlError])
-def test_process_ends_after_any_exception(stand_in, error):
-    """And the exception is the block's own."""
-    stand_in(SLEEPING)
-    with pytest.raises(error, match='mine'), simulated_bridge() as process:
-        raise error('mine')
-    assert not processes.is_running(process.pid)
-
-
 def test_process_that_ignores_sigterm_is_killed(stand_in, monkeypatch):
     """After the exit timeout."""
     stand_in(DEAF)
@@ -129,29 +120,6 @@ def test_early_end_replaces_the_error_of_the_block(stand_in, error):
     with pytest.raises(ControlError, match='last words') as caught:
         run_until_over(error)
     assert caught.value.__cause__ is error
-
-
-def test_early_end_does_not_hide_an_interruption(stand_in):
-    """Ctrl+C is Ctrl+C."""
-    stand_in(FAILING)
-    with pytest.raises(KeyboardInterrupt):
-        run_until_over(KeyboardInterrupt())
-
-
-def test_its_output_is_shown(stand_in, capsys):
-    """On standard error, line by line."""
-    stand_in(FAILING)
-    with pytest.raises(ControlError):
-        run_until_over()
-    assert capsys.readouterr().err == 'first\nlast words\n'
-
-
-@needs_ros
-def test_bridge_refuses_in_one_line():
-    """Its exit code is 2 and its last line has the reason."""
-    pytest.importorskip('rclpy')
-    with pytest.raises(ControlError, match=r'\(exit code 2\): kachaka_bridge: --lag is -1.0'):
-        run_until_over(options=['--lag', '-1'])
 
 
 @needs_ros

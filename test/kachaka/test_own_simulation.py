@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 import subprocess
@@ -61,13 +60,6 @@ def test_one_script_drives_and_prints_the_table(end, tmp_path):
     assert 'Traceback' not in err
 
 
-def test_a_script_that_ends_by_an_error_ends_the_robot_too(tmp_path):
-    code, out, err = run(DRIVE + 'robot.move_robot(9.0, 0.0, 1.0)', tmp_path)
-    assert code == 2
-    assert out.count('Final pose by odometry: ') == 1
-    assert re.search(r'script\.py:\d+: linear_x is 9\.0 m/s, outside the robot\'s limits', err)
-
-
 @pytest.mark.parametrize('before, chosen', [
     ('rclpy.init(); other = rclpy.create_node("other")\n', {}),
     ('rclpy.init()\n', {dds_transport.TRANSPORTS: 'UDPv4'}),
@@ -78,17 +70,6 @@ def test_too_late_is_refused_before_a_robot_is_started(before, chosen, tmp_path)
     (line,) = err.splitlines()
     assert 'sim=True comes too late to keep the simulated robot on this machine' in line
     assert out == ''
-
-
-@pytest.mark.parametrize('before, chosen', [
-    ('rclpy.init(); other = rclpy.create_node("other")\n', {dds_transport.RANGE: 'LOCALHOST'}),
-    ('rclpy.init(); other = rclpy.create_node("other")\n', {dds_transport.LOCALHOST_ONLY: '1'}),
-])
-def test_where_the_user_chose_the_range_it_is_never_too_late(before, chosen, tmp_path):
-    if os.environ.get('ROS_DISTRO') == 'humble' and dds_transport.RANGE in chosen:
-        pytest.skip('Humble does not read the range')
-    code, _, err = run(before + DRIVE, tmp_path, **chosen)
-    assert code == 0, err
 
 
 def test_it_brings_a_kachaka_along(tmp_path):

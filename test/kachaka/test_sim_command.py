@@ -88,17 +88,6 @@ def test_the_power_button_is_a_signal(tmp_path):
         assert robot.end() == 0
 
 
-def test_it_ends_with_its_parent():
-    """Also if that was killed."""
-    needs_sdk()
-    with subprocess.Popen(
-            [*COMMAND, '--grpc-port', '0', '--with-parent'], stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE, text=True, env=environment()) as robot:
-        assert robot.stdout.readline().startswith('ready: ')
-        robot.stdin.close()
-        assert robot.wait(10.0) == 0
-
-
 def test_a_port_in_use_is_one_line():
     """Whatever program uses it."""
     needs_sdk()
@@ -110,15 +99,6 @@ def test_a_port_in_use_is_one_line():
     assert code == 2
     assert line == (f'kachaka_sim: cannot listen at 127.0.0.1:{port}: Address already in use; '
                     'choose another --grpc-port\n')
-
-
-def test_two_robots_do_not_share_a_port(tmp_path):
-    """The first would lose every other call."""
-    needs_sdk()
-    with program([*COMMAND, '--grpc-port', '0'], tmp_path) as robot:
-        robot.wait_for_text('ready: ')
-        code, line = refusal('--grpc-port', robot.text.strip().rpartition(':')[2])
-    assert (code, 'in use; choose another --grpc-port' in line) == (2, True)
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [

@@ -15,7 +15,7 @@
 
 import math
 
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.library import find
@@ -23,9 +23,8 @@ from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.simulator.drive_model import DriveModel, SimulationParameters
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
-from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
+from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.motion.steps import Forward, Motion, Turn
 import pytest
 
 gains = st.floats(0.8, 1.25)
@@ -41,11 +40,6 @@ def test_the_robot_does_what_was_planned(calibration, linear, angular):
     done = calibration.response(calibration.command(velocity))
     assert done.linear_x == pytest.approx(velocity.linear_x, abs=1e-12)
     assert done.angular_z == pytest.approx(velocity.angular_z, abs=1e-12)
-
-
-@given(calibrations)
-def test_a_zero_stays_a_zero(calibration):
-    assert calibration.command(ZERO) == calibration.response(ZERO) == ZERO
 
 
 @pytest.mark.parametrize('limits', [KACHAKA.limits, UNEQUAL], ids=['kachaka', 'unequal'])
@@ -75,19 +69,6 @@ def test_no_change_of_what_is_sent_exceeds_the_limits(calibration, linear, angul
         sent, then = calibration.command(before), calibration.command(after)
         assert abs(then.linear_x - sent.linear_x) <= linear_bound * time * (1.0 + 1e-9)
         assert abs(then.angular_z - sent.angular_z) <= angular_bound * time * (1.0 + 1e-9)
-
-
-def test_without_errors_the_limits_are_those_of_the_robot():
-    reduced = Calibration().reduce(UNEQUAL)
-    for name in LIMIT_QUANTITIES:
-        assert getattr(reduced, name) == pytest.approx(getattr(UNEQUAL, name), rel=1e-8)
-
-
-def test_what_has_no_limit_has_none_afterwards():
-    reduced = Calibration(veer=0.1).reduce(Limits(0.3, 1.0))
-    assert math.isinf(reduced.max_linear_acceleration)
-    assert math.isinf(reduced.max_angular_jerk)
-    assert reduced.max_angular_velocity == pytest.approx(1.0 - 0.1 * 0.3)
 
 
 @pytest.mark.parametrize('values, message', [
@@ -131,13 +112,3 @@ def test_a_calibrated_square_ends_where_it_was_planned(calibration):
     planned, done = drive(find('square').motion, calibration, robot)
     assert math.hypot(done.x - planned.x, done.y - planned.y) < 0.002
     assert abs(math.degrees(math.remainder(done.theta - planned.theta, math.tau))) < 0.3
-
-
-@given(calibrations, parts, parts)
-def test_a_robot_that_is_not_calibrated_misses_its_goal(calibration, distance, angle):
-    """The same drive shows the errors that are corrected: the test above can fail."""
-    assume(abs(distance) > 0.2 and abs(calibration.forward_gain - 1.0) > 0.01)
-    robot = SimulationParameters(linear_gain=calibration.forward_gain)
-    motion = Motion('way', [Forward(abs(distance)), Turn(angle)])
-    planned, done = drive(motion, Calibration(), robot)
-    assert math.hypot(done.x - planned.x, done.y - planned.y) > 0.001

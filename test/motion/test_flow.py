@@ -100,14 +100,6 @@ def test_the_path_is_within_the_tolerance_of_the_legs(motion, limits, rate):
     assert hausdorff(fine_path(sent), skeleton(motion)) <= motion.corners * (1.0 + 1e-6)
 
 
-@settings(max_examples=25, deadline=None)
-@given(flows(), FLOW_LIMITS, FLOW_RATES, st.floats(1.5, 4.0))
-def test_a_larger_tolerance_hardly_ever_takes_longer(motion, limits, rate, factor):
-    larger = Motion(motion.name, motion.steps, corners=min(1.0, factor * motion.corners))
-    # Short legs are shared anew, which may cost a little.
-    assert plan(larger, limits, rate).duration <= 1.03 * plan(motion, limits, rate).duration
-
-
 def duration(steps, corners: float) -> float:
     """Return the duration on a Kachaka at 20 Hz [s]."""
     return plan(Motion('flow', steps, corners=corners), KACHAKA, 20.0).duration
@@ -192,16 +184,6 @@ def test_short_legs_shrink_their_corners():
     assert roomy.steps[1].cut.deviation == pytest.approx(0.0918, abs=1e-3)
 
 
-def test_a_step_shows_what_is_planned_for_it():
-    planned = plan(Motion('square', [Forward(0.5), Turn(QUARTER), Forward(0.5)], corners=0.05),
-                   KACHAKA, 20.0)
-    leg, corner, _ = planned.steps
-    assert leg.displacement.distance == pytest.approx(0.5 - 0.248, abs=1e-3)
-    assert corner.displacement.angle == pytest.approx(QUARTER)
-    assert corner.length == corner.displacement.distance > 0.3
-    assert corner.pose.y == pytest.approx(0.248, abs=1e-3)
-
-
 def test_a_corner_has_at_most_1_4_times_as_many_messages_as_the_rate():
     planned = plan(Motion('corner', [Forward(0.5), Turn(QUARTER), Forward(0.5)], corners=0.05),
                    KACHAKA, 20.0)
@@ -229,14 +211,6 @@ def test_a_bad_tolerance_is_refused(value, words):
     with pytest.raises(InvalidMotionError, match=words) as caught:
         Motion('flow', [Forward(0.5)], corners=value)
     assert caught.value.name == 'corners'
-
-
-def test_a_corner_that_stays_a_stop_joins_nothing():
-    """A tolerance far below an atom leaves only the stop."""
-    steps = [Forward(0.5), Turn(QUARTER), Forward(0.5)]
-    planned = plan(Motion('stop', steps, corners=1e-20), KACHAKA, 20.0)
-    assert planned.segments == plan(Motion('stop', steps), KACHAKA, 20.0).segments
-    assert not any(step.joins_next for step in planned.steps)
 
 
 @pytest.mark.parametrize('tolerance', [1.5e-9, 3e-9, 5e-8])

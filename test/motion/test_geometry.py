@@ -31,22 +31,6 @@ def close(one: Pose, two: Pose, tolerance: float = 1e-9) -> bool:
             and abs(one.theta - two.theta) <= tolerance)
 
 
-def test_forward_goes_along_the_heading():
-    pose = integrate(Pose(1.0, 2.0, math.pi / 2), Velocity(0.5, 0.0), 2.0)
-    assert close(Pose(1.0, 3.0, math.pi / 2), pose)
-
-
-def test_positive_turn_is_to_the_left():
-    pose = integrate(ORIGIN, Velocity(0.1, 0.1), 1.0)
-    assert pose.theta == pytest.approx(0.1)
-    assert pose.y > 0.0
-
-
-def test_half_circle_ends_two_radii_to_the_left():
-    pose = integrate(ORIGIN, Velocity(0.3, 0.3 / 0.5), math.pi * 0.5 / 0.3)
-    assert close(Pose(0.0, 1.0, math.pi), pose)
-
-
 @given(speed=SPEEDS, turn=TURNS, first=TIMES, second=TIMES)
 def test_two_stretches_make_one(speed, turn, first, second):
     """Holding a velocity twice is holding it once for the sum."""

@@ -13,10 +13,7 @@
 # limitations under the License.
 """Steps, limits and plans: what is refused, and what comes out."""
 
-from itertools import pairwise
 
-from hypothesis import given
-from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
@@ -24,28 +21,12 @@ from kachaka_simple_control.motion.steps import Forward, Motion, Move
 import pytest
 
 KACHAKA = Limits(0.3, 1.57)
-MOVES = st.builds(
-    Move, st.floats(-0.3, 0.3), st.floats(-1.57, 1.57), st.floats(0.0, 100.0))
 
 
 def test_a_plan_refuses_a_later_step_beyond_the_limits():
     """Nothing may fail in mid-motion that can be found before."""
     with pytest.raises(InvalidMotionError, match='linear_x is 0.4'):
         plan(Motion('late', (Move(0.1, 0.0, 1.0), Move(0.4, 0.0, 1.0))), KACHAKA, 10.0)
-
-
-@given(st.lists(MOVES, max_size=20))
-def test_segments_follow_each_other_without_a_gap(moves):
-    segments = plan(Motion('any', tuple(moves)), KACHAKA, 10.0).segments
-    assert all(one.end == two.start for one, two in pairwise(segments))
-    assert all(segment.end > segment.start for segment in segments)
-    assert not segments or segments[0].start == 0.0
-
-
-@given(st.lists(MOVES, min_size=1, max_size=20))
-def test_a_plan_ends_at_the_heading_its_moves_add_up_to(moves):
-    heading = plan(Motion('any', tuple(moves)), KACHAKA, 10.0).path()[-1].theta
-    assert heading == pytest.approx(sum(m.angular_z * m.duration for m in moves), abs=1e-9)
 
 
 def test_the_lesson_ends_ten_centimetres_ahead_after_nine_seconds():

@@ -23,10 +23,8 @@ from dataclasses import dataclass, field
 import json
 import math
 
-from kachaka_simple_control.analysis.paths import arc_segments, sample_path
 from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.analysis.summary import Summary
-from kachaka_simple_control.display.drive_status import DriveTracker
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import dump, loads, motion_schema
@@ -38,7 +36,7 @@ from kachaka_simple_control.motion.step_base import in_file, KINDS
 from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Step, Wait
 from kachaka_simple_control.motion.units import format_number, LENGTH, POSITIVE_LINEAR_VELOCITY
 from kachaka_simple_control.report.report_program import write_report
-from kachaka_simple_control.report.text_tables import drive_table, plan_table
+from kachaka_simple_control.report.text_tables import drive_table
 import pytest
 from simulated_drive import SimulatedDrive
 
@@ -108,21 +106,6 @@ def test_it_is_planned_to_end_in_the_other_lane():
     assert (predicted.x, predicted.y) == pytest.approx((end.x, end.y), abs=1e-9)
 
 
-def test_it_keeps_the_limits_and_rests_between_its_arcs():
-    lane = PLAN.steps[1]
-    sent = [segment.velocity for segment in PLAN.segments
-            if lane.start <= segment.start < lane.end]
-    for velocity in sent:
-        KACHAKA.limits.check(velocity)
-    turning = [velocity.angular_z for velocity in sent]
-    half = len(turning) // 2
-    assert all(turn > 0.0 for turn in turning[:half])
-    assert turning[half:] == pytest.approx([-turn for turn in turning[:half]])
-    slowest = min(velocity.linear_x for velocity in sent[half - 1:half + 1])
-    assert slowest < 0.05
-    assert lane.max_linear_velocity > 0.25
-
-
 def test_what_a_robot_cannot_do_names_its_fields():
     errors = find_errors(
         Motion('bad', (LaneChange(0.3, 1.0, 5.0), LaneChange(1.0, 1e6))), KACHAKA.limits)
@@ -132,23 +115,6 @@ def test_what_a_robot_cannot_do_names_its_fields():
          'at most')]
     with pytest.raises(InvalidMotionError, match='offset is nan m; it must be a finite number'):
         LaneChange(math.nan, 1.0)
-
-
-def test_it_is_listed_like_any_other():
-    lines = plan_table([PlanView('overtake', 'kachaka', PLAN, KACHAKA.limits)]).splitlines()
-    row, = (line for line in lines if 'lane 0.3 m, 1 m' in line)
-    assert row.split()[-7:] == [
-        f'{PLAN.steps[1].end - PLAN.steps[1].start:.3f}', f'{PLAN.steps[1].length:.3f}', '1.200',
-        '0.300', '0.0', '0.300', f'{PLAN.steps[1].max_angular_velocity:.3f}']
-    assert sum('lane -0.15 m, 0.8 m' in line for line in lines) == 2
-
-
-def test_it_is_drawn_through_both_arcs():
-    pieces = arc_segments(PLAN)
-    assert len(pieces) == 1 + 2 + 1 + 2 * 2
-    bend = pieces[2].start
-    assert (bend.x, bend.y) == pytest.approx((0.2 + 0.5, 0.15))
-    assert min(math.hypot(pose.x - 0.7, pose.y - 0.15) for pose in sample_path(PLAN)) < 1e-9
 
 
 def test_a_plot_shows_it():
@@ -214,14 +180,3 @@ def test_it_is_driven_and_reported(tmp_path):
     data = json.loads((tmp_path / 'run.json').read_text())
     assert [entry['step'] for entry in data['steps']] == [step.describe_fully() for step in (
         MOTION.steps[0], STEP, MOTION.steps[2], *MOTION.steps[3].steps * 2)]
-
-
-def test_the_display_shows_how_far_it_is():
-    drive = SimulatedDrive(20.0, title='overtake')
-    drive.drive(MOTION, until=PLAN.steps[1].start + 0.5)
-    tracker = DriveTracker()
-    for event in drive.events:
-        tracker.on_event(event)
-    step = tracker.status_at(drive.now).step
-    assert (step.number, step.count, step.description) == (2, 5, 'lane 0.3 m, 1 m')
-    assert 0.9 < step.remaining.distance < STEP.displacement.distance

@@ -24,8 +24,8 @@ from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA, KACHAKA_TRACK
 from kachaka_simple_control.kachaka.simulator.drive_model import DriveModel, SimulationParameters
 from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
-from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Velocity, ZERO
-from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
+from kachaka_simple_control.motion.geometry import advance, Pose, Velocity, ZERO
+from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Turn
 import pytest
@@ -83,19 +83,6 @@ def test_without_errors_the_floor_is_as_odometry_says_with_all_its_noise(seen):
         pose = OdometryCalibration().advance_on_floor(pose, before, after)
     assert (pose.x, pose.y) == pytest.approx((seen[-1].x, seen[-1].y), abs=1e-9)
     assert math.remainder(pose.theta - seen[-1].theta, math.tau) == pytest.approx(0.0, abs=1e-9)
-
-
-@given(odometry_calibrations)
-def test_a_zero_stays_a_zero(calibration):
-    assert calibration.to_floor(ZERO) == calibration.to_odometry(ZERO) == ZERO
-    assert calibration.advance_on_floor(ORIGIN, Pose(1.0), Pose(1.0)) == ORIGIN
-
-
-def test_wheels_that_are_alike_need_no_track():
-    velocity = OdometryCalibration(0.98, track_ratio=1.03).to_floor(Velocity(1.0, 1.0))
-    assert (velocity.linear_x, velocity.angular_z) == pytest.approx((0.98, 0.98 / 1.03))
-    same = OdometryCalibration().to_floor(Velocity(0.2, 0.3))
-    assert (same.linear_x, same.angular_z) == (0.2, 0.3)
 
 
 @given(calibrations, odometry_calibrations, parts, parts)
@@ -194,42 +181,6 @@ def test_a_square_ends_on_the_floor_where_it_was_planned(
     assert abs(math.degrees(math.remainder(done.theta - planned.theta, math.tau))) < 0.3
 
 
-def test_by_its_odometry_alone_it_would_miss_it():
-    """The same drive shows the errors that are corrected: the test above can fail."""
-    robot = SimulationParameters(odometry_scale=0.98, wheel_ratio=1.004, track_ratio=1.02)
-    planned, done = drive(find('square').motion, KACHAKA, robot)
-    assert math.hypot(done.x - planned.x, done.y - planned.y) > 0.05
-    assert abs(math.degrees(math.remainder(done.theta - planned.theta, math.tau))) > 10.0
-
-
-def test_without_errors_the_limits_are_those_of_the_robot():
-    reduced = OdometryCalibration(track=0.2).reduce(UNEQUAL)
-    for name in LIMIT_QUANTITIES:
-        assert getattr(reduced, name) == pytest.approx(getattr(UNEQUAL, name), rel=1e-8)
-
-
-def test_a_worn_wheel_lowers_the_limits_and_a_new_one_keeps_them():
-    worn = OdometryCalibration(0.9).reduce(KACHAKA.limits)
-    assert worn.max_linear_velocity == pytest.approx(0.27)
-    assert worn.max_angular_acceleration == pytest.approx(2.25)
-    assert OdometryCalibration(1.1).reduce(KACHAKA.limits).max_linear_velocity == pytest.approx(
-        0.3)
-
-
-def test_what_has_no_limit_has_none_afterwards():
-    calibration = OdometryCalibration(wheel_ratio=1.01, track=0.2)
-    reduced = calibration.reduce(Limits(0.3, 1.0))
-    assert math.isinf(reduced.max_linear_acceleration)
-    assert math.isinf(reduced.max_angular_jerk)
-    assert reduced.max_angular_velocity < 1.0 - 0.01 * 0.29 / 0.2
-    endless = calibration.reduce(Limits(math.inf, math.inf))
-    assert math.isinf(endless.max_linear_velocity)
-    assert math.isinf(endless.max_angular_velocity)
-    half = calibration.reduce(Limits(0.3, 1.0, max_linear_acceleration=0.5))
-    assert half.max_linear_acceleration == pytest.approx(0.5, rel=1e-4)
-    assert math.isinf(half.max_angular_acceleration)
-
-
 @pytest.mark.parametrize('values, message', [
     ({'scale': 0.4}, 'scale is 0.4; it must be from 0.5 to 2'),
     ({'wheel_ratio': 1.2, 'track': 0.2}, 'wheel_ratio is 1.2; it must be from 0.9 to 1.1'),
@@ -249,9 +200,3 @@ def test_a_wheel_ratio_that_leaves_nothing_to_turn_with_is_refused():
     with pytest.raises(InvalidMotionError, match=(
             'wheel_ratio is 1.1, which needs all of max_angular_velocity, 0.1$')):
         OdometryCalibration(wheel_ratio=1.1, track=0.2).reduce(Limits(0.3, 0.1))
-
-
-def test_it_says_in_words_what_it_is():
-    assert OdometryCalibration(
-        0.98, 1.002, 1.01, 0.2, '2026-11-23', 'oak').describe() == (
-            'scale 0.98, wheel ratio 1.002, track ratio 1.01, track 0.2 m, 2026-11-23, oak')

@@ -76,22 +76,6 @@ def test_every_stage_ends_where_geometry_says(motion, limits, rate):
 
 
 @given(MOTIONS, LIMITS, RATES)
-def test_stages_and_segments_agree(motion, limits, rate):
-    planned = plan(motion, limits, rate)
-    for stage in planned.steps:
-        own = [segment for segment in planned.segments
-               if stage.start <= segment.start and segment.end <= stage.end]
-        lengths = [abs(s.velocity.linear_x) * (s.end - s.start) for s in own]
-        assert stage.length == pytest.approx(math.fsum(lengths), rel=1e-9, abs=1e-9)
-        assert stage.max_linear_velocity == max(
-            (abs(s.velocity.linear_x) for s in own), default=0.0)
-        assert stage.max_angular_velocity == max(
-            (abs(s.velocity.angular_z) for s in own), default=0.0)
-    assert planned.length == math.fsum(stage.length for stage in planned.steps) or (
-        planned.length == pytest.approx(math.fsum(stage.length for stage in planned.steps)))
-
-
-@given(MOTIONS, LIMITS, RATES)
 def test_segments_and_stages_follow_each_other_without_a_gap(motion, limits, rate):
     planned = plan(motion, limits, rate)
     for row in (planned.segments, planned.steps):
@@ -128,28 +112,12 @@ def test_an_arc_at_the_angular_limit_is_not_refused_either(radius):
         assert planned.max_angular_velocity == pytest.approx(1.57)
 
 
-@pytest.mark.parametrize('step, linear, angular', [
-    (Forward(1.0, 0.1), 0.1, 0.0), (Forward(-1.0, 0.1), 0.1, 0.0), (Turn(-2.0, 0.5), 0.0, 0.5),
-    (Arc(0.5, 2.0, 0.1), 0.1, 0.2), (Arc(-2.0, -2.0, 0.2), 0.2, 0.1)])
-def test_a_speed_is_reached_and_not_exceeded(step, linear, angular):
-    planned = plan(Motion('slow', (step,)), KACHAKA, 10.0)
-    assert planned.max_linear_velocity == pytest.approx(linear)
-    assert planned.max_angular_velocity == pytest.approx(angular)
-
-
 @given(MOTIONS, LIMITS, RATES, RATES)
 def test_the_rate_does_not_change_the_motion(motion, limits, rate, other):
     one, two = plan(motion, limits, rate), plan(motion, limits, other)
     assert close(one.path()[-1], two.path()[-1], size(one))
     assert one.duration == two.duration
     assert [stage.end for stage in one.steps] == [stage.end for stage in two.steps]
-
-
-@given(MOTIONS, MOTIONS, LIMITS, RATES)
-def test_durations_add_up(first, second, limits, rate):
-    both = Motion('both', first.steps + second.steps)
-    durations = [plan(motion, limits, rate).duration for motion in (first, second, both)]
-    assert durations[2] == pytest.approx(durations[0] + durations[1], rel=1e-12)
 
 
 @given(MOTIONS, LIMITS, RATES, st.integers(0, 4))
@@ -199,15 +167,6 @@ def test_backwards_is_forwards_with_the_other_sign(motion, limits, rate):
     back = plan(Motion('back', tuple(map(reversed_, motion.steps))), limits, rate)
     assert [(-v, -w) for v, w in sent(there)] == sent(back)
     assert there.duration == back.duration
-
-
-@given(GOALS, LIMITS, RATES)
-def test_an_arc_stays_an_arc_at_every_tick(goal, limits, rate):
-    for linear, angular in sent(plan(Motion('one', (goal,)), limits, rate)):
-        if isinstance(goal, Arc):
-            assert linear == pytest.approx(angular * goal.radius, rel=1e-12)
-        assert linear == 0.0 or not isinstance(goal, Turn)
-        assert angular == 0.0 or not isinstance(goal, Forward)
 
 
 @pytest.mark.parametrize('distance', [0.07, 0.14, 0.28, 0.56])

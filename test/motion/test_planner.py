@@ -112,20 +112,10 @@ def test_all_errors_are_found_in_the_order_of_the_motion_and_planning_raises_the
     assert str(errors[0]) == str(caught.value)
 
 
-def test_a_step_that_is_never_reached_is_still_checked():
-    assert len(texts(KACHAKA, Repeat(0, (Turn(1.0, 2.0),)))) == 1
-
-
 def test_no_motion_has_more_steps_than_a_million():
     assert texts(KACHAKA, Repeat(MAX_STEPS, (Wait(0.0),))) == []
     assert texts(KACHAKA, Repeat(MAX_STEPS, (Wait(0.0),)), Wait(0.0)) == [
         'the motion has 1000001 steps, its repeats counted; it may have 1000000 at most']
-
-
-def test_no_motion_takes_longer_than_a_day():
-    assert texts(KACHAKA, Repeat(24, (Wait(3600.0),))) == []
-    assert texts(KACHAKA, Repeat(24, (Wait(3600.0),)), Wait(1.0)) == [
-        'the motion takes 86401 s, its repeats counted; it may take 86400 s at most']
 
 
 def test_repeats_beyond_all_bounds_are_refused_at_once():

@@ -113,11 +113,6 @@ def test_a_pause_in_the_last_ramp_is_that_ramp():
         assert planned.duration == pytest.approx(left, abs=1e-6)
 
 
-def test_a_resume_from_rest_is_the_quickest_way_to_the_end():
-    planned = replan_to_rest(PathState(0.25), 1.0, 0.3, GENTLE)
-    assert planned.duration == pytest.approx(time_optimal_profile(0.75, *GENTLE).duration)
-
-
 @given(st.floats(0.0, 1.0), FACTORS, FACTORS)
 def test_a_clock_reaches_its_factor_and_passes_the_end(part, first, second):
     """A velocity for a time: 2 s, with 0.5 a second of change a second."""
@@ -131,12 +126,6 @@ def test_a_clock_reaches_its_factor_and_passes_the_end(part, first, second):
         assert planned.end.position == 2.0
     else:
         assert planned.end.velocity == 0.0 or planned.end.position == 2.0
-
-
-def test_without_a_limit_the_velocity_jumps():
-    free = PathLimits(1.0, math.inf, math.inf, math.inf)
-    assert replan_to_rest(PathState(0.5, 1.0), 2.0, 0.0, free).duration == 0.0
-    assert replan_to_rest(PathState(0.5, 1.0), 2.0, 0.5, free).duration == 3.0
 
 
 def test_the_clock_of_a_velocity_has_the_tighter_of_its_limits():

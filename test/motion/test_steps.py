@@ -105,27 +105,6 @@ def test_an_error_of_a_limit_can_name_whose_it_is():
     assert str(other.by("the robot's")) == 'distance is 2 m is too far'
 
 
-def test_lists_of_steps_are_kept_as_tuples():
-    motion = Motion('x', [Repeat(2, [Wait(1)])])
-    assert motion == Motion('x', (Repeat(2, (Wait(1),)),))
-    assert isinstance(motion.steps, tuple)
-    assert isinstance(motion.steps[0].steps, tuple)
-
-
-def test_steps_are_values():
-    """Equal ones may stand for each other, in sets and as keys, and none can be changed."""
-    steps = [Move(0.1, 0.0, 1), Forward(1), Turn(1), Arc(1, 1), Wait(1), Repeat(1, (Wait(1),))]
-    assert len({*steps, Forward(1.0, None), Arc(1.0, 1.0)}) == len(steps)
-    for step in steps:
-        with pytest.raises(AttributeError):
-            step.duration = 2.0
-
-
-def test_a_whole_turn_and_more_is_no_mistake():
-    assert Turn(100.0).angle == 100.0
-    assert Arc(-1.0, -100.0).angle == -100.0
-
-
 def test_repeats_may_be_nested_up_to_a_bound():
     steps = (Wait(1.0),)
     for _ in range(MAX_NESTING):

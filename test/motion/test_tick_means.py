@@ -93,27 +93,6 @@ def test_from_tick_to_tick_the_limit_of_jerk_holds(distance, bounds, count):
         assert abs(change) <= jerk * part * part * (1.0 + 1e-9) + noise
 
 
-@given(DISTANCES, BOUNDS, st.integers(1, 60), st.integers(2, 5))
-def test_finer_ticks_are_the_coarse_ones_divided(distance, bounds, count, factor):
-    profile = time_optimal_profile(distance, *bounds)
-    fine = profile.means(count * factor)
-    for index, mean in enumerate(profile.means(count)):
-        own = fine[index * factor:(index + 1) * factor]
-        assert math.fsum(own) / factor == pytest.approx(mean, rel=1e-9, abs=1e-9 * max(fine))
-
-
-@given(DISTANCES, spread(1e-3, 1e3), spread(1e-3, 1e3), spread(1e-3, 1e3), COUNTS)
-def test_equal_ramps_make_symmetric_ticks(
-        distance, velocity, acceleration, jerk, count):
-    means = time_optimal_profile(distance, velocity, acceleration, acceleration, jerk).means(count)
-    assert means == pytest.approx(means[::-1], rel=1e-9, abs=1e-12 * max(means))
-
-
 def test_within_the_cruise_every_tick_is_the_velocity_to_the_last_bit():
     means = time_optimal_profile(1000.0, 0.3, 0.3, 0.3, 1.5).means(100000)
     assert means.count(0.3) > 99800
-
-
-def test_a_single_tick_is_the_whole_distance():
-    profile = time_optimal_profile(0.5, 0.3, 0.3, 0.4, 1.5)
-    assert profile.means(1) == pytest.approx([0.5 / profile.duration])

@@ -44,7 +44,6 @@ from strategies import spread
 
 ROUNDING = 1e-9
 UNIT = Limits(1.0, 1.0, 1.0, 1.0)
-KACHAKA_TURNING = Axis(KACHAKA.max_angular_acceleration, KACHAKA.angular_deceleration)
 RADII = spread(0.05, 2.0)
 SIDES = st.sampled_from((1.0, -1.0))
 ANGLES = st.sampled_from((45.0, 90.0, 180.0, 360.0)) | st.floats(1.0, 400.0)
@@ -199,15 +198,6 @@ def driven(planned: Plan, chance: random.Random) -> list[Message]:
     return sent
 
 
-@pytest.mark.parametrize('radius, offset, speed', [
-    (0.3, 0.002, 0.27), (0.3, 0.005, 0.35), (0.15, 0.005, 0.21), (0.15, 0.02, 0.28)])
-def test_a_wider_gap_makes_a_joint_faster(radius, offset, speed):
-    line, circle = Circle(0.0), Circle(1.0 / (radius - offset), 0.0, radius)
-    for pair in ((line, circle), (circle, line)):
-        transition = plan_transition(*pair, 1.0, KACHAKA_TURNING, KACHAKA.max_angular_jerk, 20.0)
-        assert transition.speed == pytest.approx(speed, abs=0.006)
-
-
 @settings(max_examples=100, deadline=None)
 @given(st.tuples(RADII, RADII), st.tuples(SIDES, SIDES), st.floats(0.001, 0.2),
        st.floats(0.05, 1.0), FLOW_RATES, FLOW_LIMITS)
@@ -289,13 +279,6 @@ def test_a_joint_of_a_line_belongs_to_the_arc():
     assert not any(step.cut for step in planned.steps)
 
 
-def test_an_offset_that_no_joint_needs_is_not_used():
-    """A slow line and a slow arc join with a gap far below the tolerance."""
-    steps = [Forward(0.5, speed=0.1), degrees(0.3, 180.0, 0.1), Forward(0.5, speed=0.1)]
-    sent = messages(plan(Motion('slow', steps, corners=0.05), KACHAKA, 20.0).segments)
-    assert hausdorff(sent_path(sent), asked_path(Motion('slow', steps)), (3, 16)) < 0.0005
-
-
 @pytest.mark.parametrize('steps', [
     [degrees(0.3, 360.0), degrees(-0.3, 360.0)],
     [degrees(0.3, 360.0), Forward(0.5)],
@@ -309,11 +292,6 @@ def test_where_nothing_fits_the_robot_stops(steps):
                          for corners in (0.05, 0.0))
     assert flowing.segments == stopping.segments
     assert not any(step.joins_next for step in flowing.steps)
-
-
-def test_arcs_of_one_circle_go_on_at_once():
-    steps = [degrees(0.3, 30.0)] * 6
-    assert duration(steps, 0.001) == pytest.approx(duration([degrees(0.3, 180.0)], 0.0))
 
 
 @pytest.mark.parametrize('limits', [

@@ -24,7 +24,6 @@ from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import loads
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.motion.geometry import Displacement
 from kachaka_simple_control.motion.plan import find_errors, MAX_STEPS, Plan, plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Repeat, Turn, Wait
 from kachaka_simple_control.motion.waypoints import Goto, Waypoints
@@ -57,23 +56,10 @@ def assert_at(pose, x, y, heading):
     assert math.remainder(pose.theta - heading, math.tau) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_it_turns_drives_and_turns_to_the_heading():
-    found = planned(Forward(1.0), Goto((1.0, 0.5), math.pi))
-    assert rows(found) == [
-        ('steps[0]', 'forward 1 m'), ('steps[1].goto.turn', 'turn 90 deg'),
-        ('steps[1].goto.forward', 'forward 0.5 m'), ('steps[1].goto.heading', 'turn 90 deg')]
-    assert_at(found.pose, 1.0, 0.5, math.pi)
-
-
 def test_a_plan_equals_that_of_its_turns_and_legs():
     by_hand = planned(Turn(math.pi / 2), Forward(0.5, 0.1), Turn(-math.pi / 2))
     assert planned(Goto((0.0, 0.5), 0.0, 0.1)).segments == by_hand.segments
     assert planned(Waypoints([(0.0, 0.5)], 0.0, 0.1)).segments == by_hand.segments
-
-
-def test_what_need_not_be_turned_has_no_row():
-    found = planned(Goto((1.0, 0.0)), Goto((2.0, 0.0), 0.0))
-    assert [path for path, _ in rows(found)] == ['steps[0].goto.forward', 'steps[1].goto.forward']
 
 
 @pytest.mark.parametrize('heading, point, angle', [
@@ -84,12 +70,6 @@ def test_it_turns_the_shorter_way_and_half_a_turn_to_the_left(heading, point, an
     turn = planned(Turn(heading), Goto(point)).steps[1].step
     assert isinstance(turn, Turn)
     assert math.degrees(turn.angle) == pytest.approx(angle)
-
-
-def test_to_and_fro_it_always_turns_to_the_left():
-    found = planned(Repeat(50, [Goto((0.3, 0.1)), Goto((0.1, -0.7))]))
-    turns = [step.step.angle for step in found.steps if isinstance(step.step, Turn)]
-    assert turns[2:] == pytest.approx([math.pi] * 98)
 
 
 @given(st.lists(GOALS, max_size=4), POINTS, HEADINGS)
@@ -178,20 +158,6 @@ def test_corners_hold_inside_and_the_smaller_where_steps_meet():
     assert alone.saved_time > 0.5
 
 
-def test_waypoints_may_stop_in_a_motion_with_corners():
-    found = planned(Waypoints([(0.6, 0.0), (0.6, 0.6)], corners=0.0), corners=0.1)
-    assert found.saved_time == 0.0
-    assert not any(step.cut for step in found.steps)
-
-
-def test_without_corners_waypoints_stop_too():
-    motion = Motion('any', [
-        Repeat(2, [Waypoints([(0.6, 0.0), (0.6, 0.6)], corners=0.1), Goto((0.0, 0.0))])],
-        corners=0.05)
-    assert plan(motion, LIMITS, 20.0).saved_time > 1.0
-    assert plan(motion.with_stops(), LIMITS, 20.0).saved_time == 0.0
-
-
 @pytest.mark.parametrize('steps, error', [
     ([Goto((0.0, 0.0))], ('steps[0].goto.point: [0 m, 0 m]; the robot is there already, within '
                           '1 mm: drive somewhere else, or leave it out')),
@@ -216,10 +182,6 @@ def test_without_corners_waypoints_stop_too():
 ])
 def test_what_cannot_be_driven_is_refused_once(steps, error):
     assert refusals(*steps) == [error]
-
-
-def test_a_point_1_mm_away_is_driven_to():
-    assert refusals(Goto((0.0011, 0.0))) == []
 
 
 @pytest.mark.parametrize('make, error', [
@@ -250,12 +212,6 @@ def test_wrong_values_are_refused(make, error):
     assert str(caught.value) == error
 
 
-def test_points_are_kept_as_floats():
-    assert Goto([1, 2]) == Goto((1.0, 2.0))
-    assert Waypoints(iter([[1, 2]])).points == ((1.0, 2.0),)
-    assert hash(Waypoints([[1, 2]])) == hash(Waypoints(((1.0, 2.0),)))
-
-
 @pytest.mark.parametrize('steps', [
     [Goto((1.0, 0.0)), Repeat(MAX_STEPS // 2, [Goto((0.0, 0.0)), Goto((1.0, 0.0))])],
     [Repeat(1000, [Repeat(1000, [Goto((0.0, 1.0)), Goto((1.0, 0.0))])])],
@@ -268,35 +224,11 @@ def test_too_many_steps_are_refused_before_they_are_listed(steps):
     assert time.process_time() - begin < 2.0
 
 
-def test_more_steps_than_allowed_that_are_all_different_are_refused(monkeypatch):
-    from kachaka_simple_control.motion import plan as module
-    monkeypatch.setattr(module, 'MAX_STEPS', 100)
-    assert refusals(Repeat(60, [Goto((1.0, 0.0)), Turn(1.0), Forward(0.1)])) == [
-        'the motion has more than 100 steps or takes more than 86400 s, its repeats counted']
-
-
 def test_different_repetitions_are_not_followed_for_longer_than_a_day():
     begin = time.process_time()
     assert refusals(Repeat(250_000, [Goto((1.0, 0.0)), Turn(1.0), Forward(0.1)])) == [
         'the motion has more than 1000000 steps or takes more than 86400 s, its repeats counted']
     assert time.process_time() - begin < 3.0
-
-
-def test_errors_are_in_the_order_of_the_steps():
-    errors = refusals(
-        Goto((1.0, 0.0), speed=9.0), Goto((1.0, 0.0)), Forward(1.0, 7.0), Goto((5.0, 0.0)))
-    assert [error.partition(':')[0] for error in errors] == [
-        'steps[0].goto.speed', 'steps[1].goto.point', 'steps[2].forward.speed']
-
-
-def test_seen_alone_it_begins_at_the_origin():
-    assert Goto((0.0, 2.0)).displacement == Displacement(2.0, math.pi / 2)
-    assert Waypoints([(1.0, 0.0), (1.0, 1.0)], 0.0).displacement == Displacement(
-        pytest.approx(2.0), pytest.approx(0.0))
-    assert Goto((0.0, 0.0)).path() == ()
-    assert Goto((0.0, 0.5)).describe() == 'goto 0 m, 0.5 m'
-    assert Waypoints([(1, 0), (1, 1)]).describe_fully() == '2 waypoints to 1 m, 1 m'
-    assert not Goto((0.0, 2.0)).is_rest
 
 
 FILE = """\

@@ -14,7 +14,6 @@
 """What reads a drive afterwards is right when it was paused, or driven at less speed."""
 
 from itertools import pairwise
-import json
 import math
 
 from hypothesis import example, given, settings
@@ -23,8 +22,6 @@ from kachaka_simple_control.analysis.message_timing import timing
 from kachaka_simple_control.analysis.summary import SpeedInterval, Summary
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.steps import Forward, Motion, Move, Turn, Wait
-from kachaka_simple_control.report.html_page import render_page
-from kachaka_simple_control.report.json_export import run_json
 from kachaka_simple_control.report.report_program import write_report
 from kachaka_simple_control.report.text_tables import drive_table
 from outcome_logs import done
@@ -92,31 +89,6 @@ def test_each_step_was_sent_what_it_asks_for(changes, rate):
     assert found.due + found.unjudged == len(motion.own_messages) - 1
 
 
-@settings(max_examples=30)
-@given(CHANGES)
-@example([(1.0, 1.0), (0.5, 0.0)])  # braked as planned, and resumed in time: no delay is left
-def test_run_json_agrees_with_itself(changes):
-    told = json.loads(run_json(Summary(drive(timed(changes), odometry_period=None)), None))
-    if 'speed' not in told:
-        assert all('driven_s' not in step for step in told['steps'])
-        return
-    intervals = told['speed']['intervals']
-    assert intervals[0]['begin_s'] == intervals[0]['plan_begin_s'] == 0.0
-    assert intervals[-1]['end_s'] == pytest.approx(told['duration']['driven_s'])
-    assert intervals[-1]['plan_end_s'] == pytest.approx(told['duration']['planned_s'])
-    for before, after in pairwise(intervals):
-        assert before['end_s'] == pytest.approx(after['begin_s'])
-        assert before['plan_end_s'] == after['plan_begin_s']
-    for interval in intervals:
-        duration = interval['end_s'] - interval['begin_s']
-        # Never faster than planned, but for the tick and the brake under way.
-        assert -1e-9 <= interval['plan_end_s'] - interval['plan_begin_s'] <= duration + 0.5
-    paused = [one['end_s'] - one['begin_s'] for one in intervals if one['is_pause']]
-    assert told['speed']['paused_s'] == pytest.approx(sum(paused))
-    driven = sum(step.get('driven_s', step['duration_s']) for step in told['steps'])
-    assert driven == pytest.approx(told['duration']['driven_s'], abs=0.05)
-
-
 def test_odometry_of_each_step_is_its_own_after_a_pause():
     """One pause in the middle of a step, one across the end of another that does not rest."""
     log = drive([(0.5, PAUSED), (3.5, FULL), (5.62, PAUSED), (8.0, FULL)], parameters=EXACT)
@@ -136,35 +108,6 @@ def test_a_motion_that_begins_paused_has_its_zeros_in_its_first_step():
     assert Summary(log).speed[0].step is motion.plan.steps[0]
     found = timing([motion])
     assert (found.due, found.unjudged) == (0, len(motion.own_messages) - 1)
-
-
-def test_a_step_begins_when_the_plan_is_there():
-    """By the clock the second step would have begun during the pause."""
-    steps = Motion('two', [Move(0.1, 0.0, 1.0), Move(0.0, 0.5, 1.0)])
-    log = drive([(0.5, PAUSED), (5.0, FULL)], steps)
-    first, second = log.steps
-    assert 5.2 < second.began - first.began < 5.8
-    assert {message.velocity.linear_x for message in second.sent} == {0.0}
-    (pause,) = [part for part in Summary(log).speed if part.is_pause]
-    assert pause.step is first.planned
-    assert pause.end - pause.begin == pytest.approx(4.5)
-    assert 0.5 < pause.plan_end < 0.8
-
-
-@pytest.mark.parametrize('reason', ['stopped by SIGINT', None])
-def test_a_motion_stopped_while_it_was_paused(reason):
-    """Or killed: the steps of which nothing was sent were not begun."""
-    log = drive([(0.3, PAUSED)], until=9.0, reason=reason)
-    (motion,) = log.motions
-    (step,) = motion.steps
-    assert not step.is_complete
-    assert 0.3 < motion.timeline.reached < motion.plan.steps[0].end
-    end = motion.own_messages[-1].time - motion.began
-    assert end == pytest.approx(9.0, abs=0.06)
-    assert Summary(log).outcome.reason.endswith(
-        f'The motion ended in step 1 of 10, {end:.2f} s after its t = 0, at '
-        f'{motion.timeline.reached:.2f} s of its plan, of {motion.plan.duration:.2f} s.')
-    assert timing([motion]).lost == 0
 
 
 def test_timing_is_judged_up_to_the_first_delay():
@@ -210,23 +153,3 @@ def test_the_page_shows_pauses_and_nothing_of_them_where_there_was_none(tmp_path
         assert ('pause' in page) == is_shown
         for field in ('speed', 'unjudged', 'plan_start_s'):
             assert (f'"{field}"' in told) == is_shown
-
-
-def test_a_drive_that_was_never_as_planned_is_not_judged():
-    pytest.importorskip('jinja2', reason='needs Jinja2')
-    page = render_page(Summary(drive([(0.0, {'override': 0.5})])), {}, None, None)
-    assert 'not judged<small>' in page
-    assert 'of 0 messages due' not in page
-
-
-def test_pauses_are_shaded():
-    figure_of = pytest.importorskip('matplotlib.figure', reason='needs matplotlib').Figure
-    from kachaka_simple_control.report.drive_plots import draw_drive_velocities
-    summary, figure = Summary(drive([(0.5, PAUSED), (3.0, FULL)])), figure_of()
-    draw_drive_velocities(figure, summary.aligned, summary.log.motions[0].planned.limits,
-                          [part for part in summary.speed if part.is_pause])
-    shades = figure.findobj(lambda artist: artist.get_gid() == 'pause')
-    assert len(shades) == 2
-    for shade in shades:
-        box = shade.get_path().get_extents(shade.get_patch_transform())
-        assert (box.x0, box.x1) == pytest.approx((0.5, 3.0))

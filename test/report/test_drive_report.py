@@ -14,7 +14,6 @@
 """A drive with a report: what was sent is what its recording holds, however it ended."""
 
 import contextlib
-from itertools import pairwise
 import json
 import os
 from pathlib import Path
@@ -25,13 +24,12 @@ from kachaka_simple_control.control.processes import is_running
 from kachaka_simple_control.report.mcap_recorder import FIELDS
 from program import children_of, COMMAND, find_process, program
 import pytest
-from recordings import read_with_mcap, read_with_rosbags, READERS
+from recordings import READERS
 from waiting import wait_for_file, wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'mcap', 'jinja2', 'jsonschema')]
 
 TOPIC = '/kachaka/manual_control/cmd_vel'
-ODOMETRY = '/kachaka/odometry/odometry'
 MOTION = """\
 name: hook
 rate: 50
@@ -153,26 +151,6 @@ def test_a_program_that_is_killed_leaves_all_that_it_sent(listener, tmp_path, na
         listener.wait_for(lambda heard: not heard.moves, after=last)
 
 
-def test_the_guardians_stop_is_part_of_what_was_sent(listener, tmp_path):
-    """From its first zero on the robot stands; the node's own come when it wakes up."""
-    with program(command(tmp_path, 8.0), tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
-        started.send(signal.SIGSTOP)
-        time.sleep(1.5)
-        started.send(signal.SIGCONT)
-        assert started.end() == 1
-    sent = recorded(tmp_path)
-    last = max(place for place, velocity in enumerate(sent) if is_motion(velocity))
-    assert sent[last + 1][0] - sent[last][0] < 1e9
-    assert sent[last + 2][0] - sent[last + 1][0] > 0.3e9
-    told = json.loads((tmp_path / 'report' / 'run.json').read_text())
-    assert told['verdict']['headline'] == 'Faulted'
-    assert told['verdict']['why'].startswith('The guardian stopped the robot: the node sent no ')
-    # Not until the command timeout of the robot.
-    driven = sum(one[1] * (two[0] - one[0]) / 1e9 for one, two in pairwise(sent[:last + 2]))
-    assert told['end']['sent']['x_m'] == pytest.approx(driven, abs=1e-4)
-
-
 def test_a_folder_that_is_replaced_by_a_link_gets_the_report(listener, tmp_path):
     with program(command(tmp_path, 1.0), tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
@@ -183,41 +161,6 @@ def test_a_folder_that_is_replaced_by_a_link_gets_the_report(listener, tmp_path)
     assert not [*(tmp_path / 'other').iterdir()]
     assert {'report.html', 'run.json', 'run.mcap', 'metadata.yaml'} <= {
         file.name for file in (tmp_path / 'first').iterdir()}
-
-
-def test_a_simulated_drive_is_recorded_with_its_odometry(tmp_path):
-    pytest.importorskip('nav_msgs', reason='needs odometry')
-    with program(command(tmp_path, 0.5, '--sim'), tmp_path) as started:
-        assert started.end() == 0
-    folder = tmp_path / 'report'
-    told = json.loads((folder / 'run.json').read_text())
-    assert told['motion_file']['text'] == Path(told['motion_file']['source']).read_text()
-    assert told['command'].startswith('kachaka_simple_control ')
-    assert told['command'].endswith(' --sim')
-    for found in (read_with_mcap(folder / 'run.mcap'), read_with_rosbags(folder)):
-        poses = [one for one in found if one.topic == ODOMETRY]
-        assert len(poses) > 20
-        assert poses[-1].message.pose.pose.position.x == pytest.approx(0.075, abs=0.02)
-        (path,) = [one for one in found if one.topic == '/kachaka_simple_control/planned_path']
-        assert path.message.poses[-1].pose.position.x == pytest.approx(0.075, abs=0.005)
-
-
-@pytest.mark.parametrize('options', [
-    ['--rate', '2'], ['--ros-args', '-p', 'robot_timeout:=0'], ['--robot', 'nobody']])
-def test_bad_usage_leaves_no_folder(options, tmp_path):
-    with program(command(tmp_path, 0.5, *options), tmp_path) as started:
-        assert started.end() == 2
-    assert not (tmp_path / 'report').exists()
-
-
-def test_a_folder_that_holds_something_is_refused_before_anything_begins(tmp_path):
-    (tmp_path / 'report').mkdir()
-    (tmp_path / 'report' / 'notes.txt').touch()
-    with program(command(tmp_path, 0.5, '--sim'), tmp_path) as started:
-        assert started.end() == 2
-    assert started.text == (
-        f'kachaka_simple_control: --report {tmp_path}/report is not empty, it holds notes.txt: '
-        'name a folder that is new or empty\n')
 
 
 def test_a_robot_that_is_not_found_is_reported_too(tmp_path):

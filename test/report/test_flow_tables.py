@@ -19,14 +19,12 @@ import re
 
 from flow_motions import QUARTER, ROUNDED, ROUNDS, SIDE, STRAIGHT, TIGHT, TWO
 from golden import compare
-from kachaka_simple_control.analysis.step_results import flow_ranges
 from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.geometry import Displacement
-from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Turn, Wait
-from kachaka_simple_control.report.comparison import comparison_table, read_drive, require_same
+from kachaka_simple_control.motion.steps import Forward, Motion, Turn, Wait
 from kachaka_simple_control.report.html_page import render_page
-from kachaka_simple_control.report.json_export import fields, run_json
+from kachaka_simple_control.report.json_export import fields
 from kachaka_simple_control.report.plan_plot import draw_plans
 from kachaka_simple_control.report.text_tables import drive_table, plan_table
 from plans import preview, SQUARE
@@ -59,19 +57,6 @@ def test_the_tables_of_flows():
     compare('flows', '\n\n'.join(
         [plan_table([preview(motion, rate=10.0)]) for motion in motions]
         + [drive_table(driven(ROUNDED).close(), 0.1)]) + '\n')
-
-
-def test_without_corners_nothing_is_said_of_them():
-    assert corner_lines(SQUARE) == []
-    assert corner_lines(Motion('waits', (Wait(1.0), Turn(1.0)), corners=0.05)) == []
-
-
-def test_the_time_that_is_saved_is_that_of_the_plan():
-    (line, *_) = corner_lines(ROUNDED)
-    planned, stops = preview(ROUNDED), preview(Motion('stops', SIDE * 4))
-    saved = stops.plan.duration - planned.plan.duration
-    assert line.endswith(f'; {saved:.1f} s less than with stops')
-    assert line.startswith('Corners: 3 of 3 cut by 5.0 cm at most')
 
 
 def test_equal_corners_share_a_line_and_few_lines_are_shown():
@@ -132,13 +117,6 @@ def test_a_plot_has_thin_legs_and_the_path_over_them(matplotlib):
     assert 'legs' in legend_of(figure)
 
 
-def test_without_cut_corners_a_plot_has_no_legs(matplotlib):
-    for view in (preview(SQUARE), preview(STRAIGHT), stopping()):
-        figure = draw_plans([view])
-        assert not marked(figure, 'legs')
-        assert 'legs' not in legend_of(figure)
-
-
 def test_only_the_last_turn_of_the_square_is_drawn_as_a_turn_in_place(matplotlib):
     figure = draw_plans([preview(ROUNDED)])
     (turns,) = marked(figure, 'turns')
@@ -147,16 +125,6 @@ def test_only_the_last_turn_of_the_square_is_drawn_as_a_turn_in_place(matplotlib
     assert len(marked(figure, 'arrow')) == 8
     numbers = ', '.join(text.get_text() for text in marked(figure, 'step number'))
     assert sorted(map(int, re.findall(r'\d+', numbers))) == [*range(1, 9)]
-
-
-def test_the_plot_of_a_robot_without_an_outline_shows_the_whole_legs(matplotlib):
-    steep = math.radians(75.0)
-    motion = Motion(
-        'peak', (Turn(steep), Forward(0.3), Turn(-2.0 * steep), Forward(0.3)), corners=0.05)
-    (legs,) = marked(draw_plans([preview(motion, footprint=None)]), 'legs')
-    peak = max(legs.get_ydata())
-    assert peak == pytest.approx(0.3 * math.sin(steep))
-    assert peak < legs.axes.get_ylim()[1]
 
 
 def test_odometry_is_that_of_the_flow():
@@ -176,12 +144,6 @@ def test_odometry_is_that_of_the_flow():
     assert flow.error == Displacement(pytest.approx(0.0, abs=0.005),
                                       pytest.approx(0.0, abs=0.01))
     assert steps[7].odometry.angle == pytest.approx(QUARTER, abs=0.01)
-
-
-def test_what_was_sent_for_a_step_of_a_flow_is_what_was_requested():
-    for step in Summary(driven(ROUNDED).close()).steps:
-        assert step.sent.distance == pytest.approx(step.requested.distance, abs=1e-6)
-        assert step.sent.angle == pytest.approx(step.requested.angle, abs=1e-6)
 
 
 def test_the_error_of_a_flow_does_not_depend_on_the_delay_of_odometry():
@@ -206,21 +168,6 @@ def test_a_flow_that_is_cut_short_is_compared_with_what_was_sent():
     assert lines[6].startswith('4 steps without a stop; cut short ')
 
 
-def test_a_flow_of_one_started_step_has_odometry_of_its_own():
-    (step,) = Summary(driven(ROUNDED, until=0.8).close()).steps
-    assert (step.is_in_flow, step.flow) == (False, None)
-    assert step.odometry is not None
-
-
-def test_flows_of_different_motions_are_different_flows():
-    """A motion that ended in a flow does not join the first step of the next motion."""
-    simulated = driven(ROUNDED, until=4.0)
-    simulated.drive(ROUNDED)
-    steps = Summary(simulated.close()).steps
-    assert flow_ranges([step.log for step in steps]) == [range(4), range(4, 11)]
-    assert [step.flow.count for step in steps if step.flow] == [4, 7]
-
-
 def test_a_paused_flow_is_still_one_flow():
     simulated = SimulatedDrive(20.0, lambda number: 0.0, SimulationParameters())
     simulated.drive(ROUNDED, factors=[(2.0, {'pause': 0.0}), (6.0, {})])
@@ -243,14 +190,6 @@ def test_run_json_has_the_flow_with_its_last_step():
         flow['odometry']['distance_m'] - flow['requested']['distance_m'])
 
 
-def test_run_json_of_a_drive_without_flows_has_no_new_keys():
-    simulated = driven(SQUARE)
-    for step in fields(Summary(simulated.close()), None)['steps']:
-        assert [*step] == [
-            'number', 'motion', 'path', 'step', 'start_s', 'duration_s', 'is_whole', 'messages',
-            'requested', 'sent', 'odometry', 'error']
-
-
 @pytest.mark.needs('jinja2')
 def test_the_page_has_a_row_for_the_whole_flow():
     page = render_page(Summary(driven(ROUNDED).close()), {}, None, None)
@@ -262,31 +201,3 @@ def test_the_page_has_a_row_for_the_whole_flow():
     page = render_page(Summary(driven(SQUARE).close()), {}, None, None)
     assert 'in flow' not in page
     assert 'without a stop' not in page
-
-
-@pytest.mark.needs('jinja2')
-def test_a_folded_page_shows_each_way_in_which_a_step_is_driven():
-    """The first leg begins at rest; the legs between two corners are much shorter."""
-    motion = Motion('rounds', (Repeat(15, SIDE),), corners=0.05)
-    page = render_page(Summary(driven(motion).close()), {}, None, None)
-    folded, _ = page.split('All 30 steps')
-    for distance in ('0.2520', '0.0039'):
-        assert f'<td class="n">{distance}<small>' in folded
-
-
-def test_the_planned_path_of_a_report_cuts_the_corners():
-    path = fields(Summary(driven(ROUNDED).close()), None)['path']['planned']
-    nearest = min(math.dist(point, (0.5, 0.0)) for point in path)
-    assert nearest == pytest.approx(0.05, abs=0.002)
-
-
-def test_drives_with_flows_can_be_compared(tmp_path):
-    for name, gain in (('one', 1.0), ('two', 0.98)):
-        parameters = SimulationParameters(linear_gain=gain)
-        (tmp_path / name).mkdir()
-        (tmp_path / name / 'run.json').write_text(
-            run_json(Summary(driven(ROUNDED, parameters=parameters).close()), None))
-    # The recordings begin at the same time, which two drives cannot.
-    drives = [replace(read_drive(tmp_path / name), began=name) for name in ('one', 'two')]
-    require_same(drives)
-    assert comparison_table(drives, 99).startswith('2 drives of square: ')

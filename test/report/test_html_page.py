@@ -20,11 +20,9 @@ import re
 
 import chromium
 from kachaka_simple_control.analysis.summary import Summary
-from kachaka_simple_control.motion.steps import Motion, Move, Repeat, Turn
 from kachaka_simple_control.report.report_program import write_report
 from outcome_logs import done, faulted, killed, lesson, never_began, stopped
 import pytest
-from simulated_drive import SimulatedDrive
 
 DRIVES = {
     'done': done, 'lesson': lesson, 'faulted': faulted, 'killed': killed,
@@ -187,45 +185,6 @@ def test_nothing_is_cut_off_or_overlaps(browser, reports, name, width):
         "return document.querySelectorAll('figure svg text').length") > 10
 
 
-@pytest.mark.parametrize('width', WIDTHS)
-def test_the_texts_of_plots_have_the_size_of_other_small_print(browser, reports, width):
-    """In pixels of the screen, not of the drawing, which is scaled to the room that it has."""
-    sizes = """
-        return [...document.querySelectorAll('figure svg')].flatMap(plot => {
-            const scale = plot.getBoundingClientRect().width / plot.viewBox.baseVal.width;
-            return [...plot.querySelectorAll('text')].map(
-                text => scale * parseFloat(getComputedStyle(text).fontSize));
-        });
-    """
-    for name in DRIVES:
-        show(browser, reports / name / 'report.html', width)
-        found = browser.execute_script(sizes)
-        assert 10.0 <= min(found) <= max(found) <= 16.0, name
-
-
-def test_plots_and_tables_are_marked_for_screen_readers(browser, reports):
-    show(browser, reports / 'done' / 'report.html')
-    assert browser.execute_script('return document.documentElement.lang') == 'en'
-    plots = browser.find_elements('css selector', 'figure svg')
-    assert len(plots) == 4
-    for plot in plots:
-        assert plot.get_attribute('role') == 'img'
-        assert len(plot.get_attribute('aria-label')) > 40
-    for cell in browser.find_elements('css selector', 'th'):
-        assert cell.get_attribute('scope') in {'col', 'row'}
-
-
-def test_settings_and_versions_are_collapsed(browser, reports):
-    show(browser, reports / 'done' / 'report.html')
-    (part,) = (part for part in browser.find_elements('css selector', 'details')
-               if part.text.startswith('Settings and versions'))
-    assert 'guardian' not in part.text
-    part.find_element('css selector', 'summary').click()
-    assert 'guardian True' in part.text
-    assert 'ROS jazzy' in part.text
-    assert 'max_linear_velocity 0.3' in part.text
-
-
 def test_it_is_dark_where_the_reader_wants_that(browser, reports):
     """The plots have the page's ground, and every text can be read (WCAG: 4.5)."""
     ground_of = """
@@ -285,20 +244,3 @@ def test_it_is_printed_completely(browser, reports):
 def pages_of(pdf):
     """Return how many pages a document has."""
     return len(re.findall(rb'/Type\s*/Page\b', pdf))
-
-
-def test_many_steps_are_no_long_page(browser, tmp_path):
-    """Neither on the screen, before they are unfolded, nor on paper."""
-    drive = SimulatedDrive(10.0, odometry_period=0.2)
-    drive.drive(Motion('many', [Repeat(500, [Move(0.1, 0.0, 0.1), Turn(0.0)])]))
-    write_report(drive.close(), tmp_path, None)
-    show(browser, tmp_path / 'report.html', 400)
-    assert len(browser.find_elements('css selector', 'table.steps tbody tr')) > 1000
-    table, rest = browser.find_elements('css selector', 'table.steps')
-    assert table.rect['height'] < 400
-    assert not browser.execute_script('return arguments[0].checkVisibility()', rest)
-    assert browser.execute_script(OVERFLOWING) == []
-    pdf = base64.b64decode(browser.execute_cdp_cmd('Page.printToPDF', {})['data'])
-    assert pages_of(pdf) <= 5
-    browser.find_element('css selector', 'details.rows summary').click()
-    assert rest.rect['height'] > 10_000

@@ -14,9 +14,8 @@
 """How a drive ended, in words: for every ending."""
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
-from kachaka_simple_control.analysis.summary import outcome, OutcomeKind, Summary
+from kachaka_simple_control.analysis.summary import outcome, OutcomeKind
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.json_export import fields
 from outcome_logs import (
     done,
     ended_on_request,
@@ -52,14 +51,6 @@ def test_the_outcome_says_how_it_ended_and_why(drive, ending, headline, says):
     found = outcome(drive())
     assert (found.kind, found.headline) == (ending, headline)
     assert says in found.reason
-
-
-@pytest.mark.parametrize(('signum', 'name'), [
-    (1, 'SIGHUP'), (2, 'SIGINT'), (15, 'SIGTERM'), (99, 'signal 99')])
-def test_each_signal_is_named(signum, name):
-    record = stopped(signum, name)
-    assert outcome(record).headline == f'Stopped by {name}'
-    assert fields(Summary(record), None)['verdict']['signal'] == name
 
 
 def test_a_fault_before_the_signal_is_reported_too():

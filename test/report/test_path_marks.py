@@ -13,17 +13,15 @@
 # limitations under the License.
 """Arrows and numbers on drawn paths."""
 
-from itertools import combinations, pairwise
+from itertools import combinations
 import math
 
-from hypothesis import given
-from hypothesis import strategies as st
 from kachaka_simple_control.analysis.paths import step_segments
 from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Repeat, Turn
-from kachaka_simple_control.report.map_plot import MAX_LABELS, MAX_PARTS, step_places, StepPlace
+from kachaka_simple_control.report.map_plot import MAX_LABELS, step_places
 from outcome_logs import done, faulted, lesson, never_began
-from plans import BACK, BOX, EIGHT, HOUR, LESSON, preview, QUARTER, SQUARE, SQUARE_CW
+from plans import BACK, BOX, HOUR, LESSON, preview, QUARTER, SQUARE, SQUARE_CW
 import pytest
 
 SPIRAL = Motion('spiral', [
@@ -82,33 +80,6 @@ def test_a_number_belongs_to_the_middle_of_its_step():
     assert arc.x == pytest.approx(math.sqrt(0.5))
 
 
-@pytest.mark.parametrize('motion', [SQUARE, EIGHT])
-def test_numbers_stand_outside_of_bends(motion):
-    """At the corners of a square, and at the two circles of an eight."""
-    for place in places_of(motion):
-        away = (place.x - 0.25, place.y - 0.25) if motion is SQUARE else (0.0, place.y)
-        side = (math.cos(place.side), math.sin(place.side))
-        assert away[0] * side[0] + away[1] * side[1] > 0.0, place.numbers
-
-
-def test_steps_at_the_same_place_share_a_label():
-    assert [place.label for place in places_of(LESSON)] == ['1', '2', '3-7']
-    assert [place.label for place in places_of(HOUR)] == [
-        f'{number}, {number + 8}, ...' for number in range(1, 9)]
-    there_and_back = Motion('there and back', [Forward(1.0), Turn(1.0), Turn(-1.0), Forward(-1.0)])
-    assert [place.label for place in places_of(there_and_back)] == ['1, 4', '2, 3']
-
-
-@given(st.sets(st.integers(1, 30), min_size=1).map(sorted))
-def test_a_label_names_its_numbers(numbers):
-    parts = StepPlace(numbers, 0.0, 0.0, 0.0).label.split(', ')
-    assert len(parts) <= MAX_PARTS
-    named = [number for part in parts if part != '...' for number in range(
-        int(part.split('-')[0]), int(part.split('-')[-1]) + 1)]
-    assert named == numbers[:len(named)], 'in order, and none that is not there'
-    assert (parts[-1] == '...') == (named != numbers), 'all, or it is said that there are more'
-
-
 @pytest.mark.parametrize('footprint', [BOX, None])
 @pytest.mark.parametrize('motion', [
     SQUARE, SQUARE_CW, LESSON, BACK, HOUR, SPIRAL, SHUFFLE, ROUND], ids=lambda one: one.name)
@@ -142,19 +113,6 @@ def test_arrows_point_in_the_direction_of_travel(matplotlib, motion, directions)
     assert [math.remainder(direction(arrow) - wanted, math.tau)
             for arrow, wanted in zip(arrows, directions, strict=True)] == pytest.approx(
                 [0.0] * len(directions), abs=1e-9)
-
-
-def test_the_path_of_a_drive_has_arrows_too(drive_path):
-    figure = drive_path(done())
-    (planned,) = marked(figure, 'planned')
-    corners = list(dict.fromkeys(zip(*(map(float, part) for part in planned.get_data()))))
-    arrows = marked(figure, 'arrow')
-    assert len(arrows) == 4
-    for arrow, (one, two) in zip(arrows, pairwise([*corners[:4], corners[0]])):
-        (x,), (y,) = arrow.get_data()
-        assert (x, y) == pytest.approx(((one[0] + two[0]) / 2, (one[1] + two[1]) / 2), abs=1e-3)
-        along = math.atan2(two[1] - one[1], two[0] - one[0])
-        assert math.remainder(direction(arrow) - along, math.tau) == pytest.approx(0, abs=1e-2)
 
 
 @pytest.mark.parametrize('drive, numbers', [

@@ -16,7 +16,6 @@
 import errno
 from itertools import combinations
 import math
-import os
 from pathlib import Path
 import re
 import sys
@@ -24,7 +23,6 @@ import sys
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
-from kachaka_simple_control.report import plot_style
 from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.plan_plot import draw_plans, save_plot
 from kachaka_simple_control.report.text_tables import plan_table
@@ -41,7 +39,6 @@ from plans import (
     preview,
     SPIN,
     SQUARE,
-    SQUARE_CW,
 )
 import pytest
 
@@ -99,15 +96,6 @@ def test_a_full_disk_leaves_the_old_plot_and_nothing_else(tmp_path, monkeypatch)
     assert file.read_text() == 'old'
 
 
-def test_a_folder_without_write_permission_is_refused(tmp_path, monkeypatch):
-    asked = []
-    monkeypatch.setattr(os, 'access', lambda *question: asked.append(question))
-    with pytest.raises(UsageError) as refusal:
-        check_plot_file(tmp_path / 'plan.PDF')
-    assert str(refusal.value) == f'{tmp_path}/plan.PDF: you are not allowed to write there'
-    assert asked == [(tmp_path, os.W_OK)]
-
-
 def test_without_matplotlib_one_sentence_says_how_to_install_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, 'matplotlib', None)
     with pytest.raises(UsageError) as refusal:
@@ -115,22 +103,6 @@ def test_without_matplotlib_one_sentence_says_how_to_install_it(tmp_path, monkey
     assert str(refusal.value) == (
         'a plot needs matplotlib: pip install matplotlib, or sudo apt install python3-matplotlib')
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize('count', [0, 13])
-def test_the_number_of_plans_in_a_plot_is_bounded(count):
-    with pytest.raises(UsageError, match=rf'^a plot shows 1 to 12 motions, not {count}; name'):
-        draw_plans([preview(SPIN)] * count)
-
-
-def test_a_full_disk_is_reported_in_one_sentence(tmp_path, monkeypatch, matplotlib):
-    def refuse(*_):
-        raise OSError(28, 'No space left on device')
-    monkeypatch.setattr(Path, 'write_bytes', refuse)
-    with pytest.raises(UsageError) as refusal:
-        save_plot(tmp_path / 'plan.png', [preview(SPIN)])
-    assert str(refusal.value) == (
-        f'{tmp_path}/plan.png: it cannot be written: No space left on device')
 
 
 @pytest.mark.parametrize('motion', [SQUARE, LESSON, EIGHT, BACK, SPIN], ids=lambda m: m.name)
@@ -174,13 +146,6 @@ def test_the_floor_of_the_table_is_drawn_and_told(matplotlib, motion, footprint)
     assert bottom < floor.get_y() < floor.get_y() + height < top
 
 
-def test_boundaries_stand_where_steps_end(matplotlib):
-    one = preview(LESSON)
-    for lines in marked(draw_plans([one]), 'boundaries'):
-        times = [segment[0][0] for segment in lines.get_segments()]
-        assert times == pytest.approx([1.0, 2.0, 3.0, 5.0, 6.0, 8.0, 9.0])
-
-
 def test_velocities_are_drawn_as_they_are_held(matplotlib):
     """Half a metre at 0.25 m/s, then a quarter turn at 1 rad/s, four times."""
     figure = draw_plans([preview(SQUARE, ABRUPT)])
@@ -211,18 +176,6 @@ def test_limits_are_dashed_where_they_matter(matplotlib, motion, limits, expecte
     texts = [text.get_text() for axes in figure.axes[1:] for text in axes.texts]
     units = ['m/s' if abs(value) < 0.5 else 'rad/s' for value in expected]
     assert texts == [f'limit {value:g} {unit}' for value, unit in zip(expected, units)] + far
-
-
-def test_all_rows_have_the_same_scales(matplotlib):
-    figure = draw_plans([preview(SQUARE), preview(SQUARE_CW), preview(SPIN)])
-    assert len(figure.axes) == 9
-    for column in range(3):
-        limits = {(axes.get_xlim(), axes.get_ylim()) for axes in figure.axes[column::3]}
-        assert len(limits) == 1
-    for axes in figure.axes[::3]:
-        box = axes.get_window_extent()
-        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-        assert (right - left) / box.width == pytest.approx((top - bottom) / box.height)
 
 
 #: What is drawn, by its name; planned when it is used.
@@ -257,15 +210,6 @@ def test_no_text_is_clipped_or_overlaps(matplotlib, previews):
     assert not any(key.overlaps(axes.get_window_extent()) for axes in figure.axes)
 
 
-def test_negative_numbers_have_the_minus_of_the_tables(matplotlib):
-    figure = draw_plans([preview(BACK)])
-    with plot_style.default_style():  # as it is saved
-        figure.canvas.draw()
-    shown = ' '.join(text.get_text() for text in words(figure))
-    assert shown.count(' -') > 10, 'it goes backwards and to the right'
-    assert '\N{MINUS SIGN}' not in shown
-
-
 def words(figure):
     """Return all texts that can be seen: no numbers beyond the end of their axis."""
     texts = [*figure.texts, *figure.legends[0].get_texts()]
@@ -287,50 +231,3 @@ def test_two_runs_give_the_same_bytes(tmp_path, matplotlib, ending):
     assert one == two
     assert one.startswith({'png': b'\x89PNG', 'svg': b'<?xml', 'pdf': b'%PDF'}[ending])
     assert b'Matplotlib' not in one
-
-
-def test_an_hour_is_a_small_file(tmp_path, matplotlib):
-    file = tmp_path / 'hour.svg'
-    save_plot(file, [preview(HOUR, rate=50.0)])
-    assert file.stat().st_size < 500_000
-
-
-def test_a_simplified_line_reaches_as_high_and_as_low(tmp_path, matplotlib, monkeypatch):
-    """As one with all its corners, to half a pixel."""
-    heights = []
-    for simplified in (True, False):
-        monkeypatch.setitem(plot_style.SETTINGS, 'path.simplify', simplified)
-        file = tmp_path / f'{simplified}.svg'
-        save_plot(file, [preview(HOUR, rate=50.0)])
-        lines = re.findall(r'<g id="sent">\s*<path d="([^"]*)"', file.read_text())
-        heights.append([(min(ys), max(ys)) for ys in map(ordinates, lines)])
-    assert len(heights[0]) == 2
-    for few, all_ in zip(*heights):
-        assert few == pytest.approx(all_, abs=0.5)
-
-
-def ordinates(line):
-    """Return the heights of the points of a line in an SVG file."""
-    return [float(y) for y in re.findall(r'[ML] \S+ (\S+)', line)]
-
-
-def test_settings_and_state_of_matplotlib_stay_as_they_are(tmp_path, matplotlib):
-    before = dict(matplotlib.rcParams)
-    had_pyplot = 'matplotlib.pyplot' in sys.modules
-    matplotlib.rcParams['font.size'] = 31.0
-    try:
-        save_plot(tmp_path / 'plan.svg', [preview(SQUARE)])
-        assert matplotlib.rcParams['font.size'] == 31.0
-        own = (tmp_path / 'plan.svg').read_bytes()
-    finally:
-        matplotlib.rcParams['font.size'] = before['font.size']
-    save_plot(tmp_path / 'plan.svg', [preview(SQUARE)])
-    assert own == (tmp_path / 'plan.svg').read_bytes()
-    assert dict(matplotlib.rcParams) == before
-    assert ('matplotlib.pyplot' in sys.modules) == had_pyplot
-
-
-@pytest.mark.filterwarnings('error')
-@pytest.mark.parametrize('name', [r'$\frac$ $x', 'four $ 5', '四角', 'two\nlines'])
-def test_a_name_is_no_formula(tmp_path, matplotlib, name):
-    save_plot(tmp_path / 'plan.png', [preview(Motion(name, SQUARE.steps))])

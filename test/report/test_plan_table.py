@@ -18,18 +18,14 @@ import re
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.motion.geometry import Disc
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
 from kachaka_simple_control.report.text_tables import fold, Gap, plan_table
-from plans import ABRUPT, BOX, EIGHT, EMPTY, GENTLE, HOUR, LESSON, preview, SPIN, SQUARE, SQUARE_CW
-from program import COMMAND
+from plans import ABRUPT, BOX, EMPTY, HOUR, LESSON, preview, SPIN, SQUARE, SQUARE_CW
 import pytest
 from strategies import LIMITS, MOTIONS, RATES
-from terminals import at_terminal
 
 
 def lines_of(*previews):
@@ -94,19 +90,6 @@ def test_the_floor_is_what_path_and_outline_need(motion, footprint, width, depth
     assert ('not known' in line) == (footprint is None)
 
 
-def test_without_limits_none_are_shown():
-    motion = Motion('any', [Forward(1.0, 0.2)])
-    lines = lines_of(preview(motion, Limits(math.inf, math.inf)))
-    assert 'Limits: none' in lines
-
-
-def test_an_empty_motion_has_a_table_too():
-    lines = lines_of(preview(EMPTY))
-    assert cells(lines[-7]) == [
-        '0', 'steps', '0.000', '0.000', '0.000', '0.000', '0.0', '0.000', '0.000']
-    assert any(line.startswith('Sent: 0 velocities') for line in lines)
-
-
 def test_repeated_steps_of_a_long_motion_are_shown_twice():
     lines = lines_of(preview(HOUR, ABRUPT))
     assert len(lines) < 20
@@ -146,14 +129,6 @@ def test_a_folded_table_accounts_for_every_step(keys, most):
     assert covered == list(range(len(keys))), 'each is shown or in a gap, in order'
 
 
-def test_only_steps_shown_before_are_called_as_above():
-    inner = [Forward(0.1), Turn(0.5)]
-    motion = Motion('nested', [Repeat(5, [Repeat(10, inner), Wait(1.0)]), Forward(-1.0)])
-    gaps = [line for line in lines_of(preview(motion)) if line.startswith('...')]
-    assert [line.split(',')[0] for line in gaps] == ['... 18 steps', '... 81 steps']
-    assert all(line.endswith('as above ...') for line in gaps)
-
-
 def test_two_motions_are_shown_in_steps_and_side_by_side():
     lines = lines_of(preview(SQUARE, ABRUPT), preview(SQUARE_CW, ABRUPT))
     assert len(lines) <= 60
@@ -165,21 +140,6 @@ def test_two_motions_are_shown_in_steps_and_side_by_side():
         ['square', '8', '14.283', '2.000', '0.000', '0.000', '360.0', '0.250', '1.000', '288'],
         ['square_cw', '8', '14.283', '2.000', '0.000', '0.000', '-360.0', '0.250', '1.000',
          '288']]
-
-
-def test_many_motions_are_only_compared():
-    lines = lines_of(*map(preview, [SQUARE, SQUARE_CW, LESSON, EIGHT, SPIN, EMPTY, HOUR]))
-    assert lines[0] == '7 motions on kachaka at 20 Hz'
-    assert [cells(line)[0] for line in lines[5:12]] == [
-        'square', 'square_cw', 'lesson', 'figure_eight', 'spin', 'empty', 'hour']
-
-
-def test_robots_and_rates_that_differ_have_a_column():
-    lines = lines_of(
-        preview(SQUARE), preview(SQUARE, rate=10.0, robot='another'), preview(SPIN))
-    place = lines.index('3 motions')
-    assert cells(lines[place + 2])[:4] == ['motion', 'robot', 'rate', 'steps']
-    assert cells(lines[place + 6])[:4] == ['square', 'another', '10', '8']
 
 
 @pytest.mark.parametrize('step, words', [
@@ -194,17 +154,6 @@ def test_robots_and_rates_that_differ_have_a_column():
 ])
 def test_steps_in_words(step, words):
     assert step.describe() == words
-
-
-@pytest.mark.parametrize('name', [
-    'x' * 300, '四角' * 100, 'two\nlines\tand a bell\x07', '$a_b$', ''])
-def test_a_name_stays_on_its_line(name):
-    """Names come from files, and may be anything."""
-    for previews in ([PlanView(name, name, plan(SQUARE, GENTLE, 20.0), GENTLE)],
-                     [preview(SQUARE), preview(Motion(name, SQUARE.steps), robot=name)]):
-        table = plan_table(previews)
-        assert all(line.isprintable() for line in table.splitlines())
-        assert max(wide(line) for line in table.splitlines()) <= 99
 
 
 def wide(text):
@@ -236,14 +185,6 @@ def test_a_narrow_terminal_gets_fewer_columns(widest, head):
     assert lines[2].split() == head.split()
     assert '...' not in ' '.join(lines)
     assert ('linear' in head) == (lines == lines_of(preview(SQUARE)))
-
-
-def test_a_table_at_a_terminal_does_not_wrap():
-    pytest.importorskip('yaml', reason='needs PyYAML')
-    pytest.importorskip('jsonschema', reason='needs jsonschema')
-    with at_terminal([*COMMAND, 'square', '--plan'], columns=60, rows=30) as shown:
-        assert shown.end() == 0
-    assert shown.screen.above[4] == '-  -------------  ------  ------  -----  -----  -------'
 
 
 @given(MOTIONS, LIMITS, RATES)

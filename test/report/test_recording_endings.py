@@ -22,10 +22,9 @@ from pathlib import Path
 from kachaka_simple_control.control.events import OdometryReceived
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.report import mcap_recorder
-from kachaka_simple_control.report.output_file import CrashSafeFile
 import pytest
 from recorded_drive import RecordedDrive, TWIST
-from recordings import read_with_mcap, read_with_rosbags, READERS, velocities
+from recordings import read_with_rosbags, READERS, velocities
 
 pytestmark = pytest.mark.needs('mcap')
 
@@ -109,15 +108,6 @@ def test_a_full_disk_ends_the_recording_and_leaves_what_was_there(limit, monkeyp
         str(link.readlink()) for link in Path('/proc/self/fd').glob('*') if link.is_symlink()]
 
 
-def test_a_disk_without_any_room_leaves_no_file(monkeypatch, tmp_path):
-    full_from(10, monkeypatch)
-    drive = RecordedDrive(tmp_path)
-    drive.send(10.0, 3)
-    drive.recorder.flush(20.0)
-    assert drive.recorder.finish() == 'run.mcap is left out: No space left on device'
-    assert not drive.file.exists()
-
-
 def test_a_full_disk_at_the_very_end_loses_only_the_index(monkeypatch, tmp_path):
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 10)
@@ -142,32 +132,11 @@ def test_a_full_disk_after_the_recording_leaves_no_incomplete_metadata(monkeypat
         assert velocities(read(drive.file), TWIST) == drive.expected()
 
 
-def test_a_failure_of_another_kind_ends_the_recording_too(monkeypatch, tmp_path):
-    drive = RecordedDrive(tmp_path)
-    drive.send(10.0, 10)
-    drive.recorder.flush(20.0)
-    monkeypatch.setattr(CrashSafeFile, 'flush', lambda self: 1 // 0)
-    drive.send(12.0, 10)
-    drive.recorder.flush(20.0)
-    assert drive.recorder.failure.startswith('run.mcap ends early: ZeroDivisionError')
-    assert drive.recorder.finish() == drive.recorder.failure
-    assert len(read_with_mcap(drive.file)) == 11
-
-
 def test_without_the_library_the_recording_is_left_out_with_a_message(monkeypatch, tmp_path):
     monkeypatch.setattr(mcap_recorder.importlib.util, 'find_spec', lambda name: None)
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 3)
     drive.recorder.flush(20.0)
-    assert drive.recorder.finish() == (
-        "run.mcap is left out: it needs mcap 1.5 or newer: pip install 'mcap>=1.5'")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_library_that_is_too_old_is_refused(monkeypatch, tmp_path):
-    from mcap.writer import Writer
-    monkeypatch.delattr(Writer, 'flush')
-    drive = RecordedDrive(tmp_path)
     assert drive.recorder.finish() == (
         "run.mcap is left out: it needs mcap 1.5 or newer: pip install 'mcap>=1.5'")
     assert list(tmp_path.iterdir()) == []

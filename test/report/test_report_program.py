@@ -15,7 +15,6 @@
 
 import os
 from pathlib import Path
-import re
 import signal
 import subprocess
 import sys
@@ -149,19 +148,6 @@ def test_a_killed_reporter_leaves_all_but_the_last_second(tmp_path):
         assert found[:len(due)] == due
 
 
-def test_an_event_reaches_the_disk_even_if_none_follows(tmp_path):
-    process = reporter_of(tmp_path)
-    for event in (OPENED, PLANNED):
-        process.send(event)
-    wait_for_file(tmp_path / 'run.mcap')
-    size = (tmp_path / 'run.mcap').stat().st_size
-    process.send(of_plan(time.monotonic(), Velocity(0.1)))
-    wait_for_file(tmp_path / 'run.mcap', size)
-    assert [found.topic for found in READERS[0](tmp_path / 'run.mcap')] == [
-        '/kachaka_simple_control/speed_factor', OPENED.velocity_topic]
-    process.close(EXIT_TIMEOUT)
-
-
 @pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_to_all_programs_does_not_end_it(signum, tmp_path):
     events = [*BEGINNING, *drive(100, 10.1)]
@@ -174,15 +160,6 @@ def test_a_signal_to_all_programs_does_not_end_it(signum, tmp_path):
         process.send(event)
     assert process.close(EXIT_TIMEOUT) in (0, 1)
     assert_recorded(tmp_path, events)
-
-
-def test_it_has_a_lower_priority_than_the_program_that_drives(tmp_path):
-    process = reporter_of(tmp_path)
-    process.send(OPENED)
-    wait_for_file(tmp_path / 'run.mcap')
-    own = os.getpriority(os.PRIO_PROCESS, 0)
-    assert os.getpriority(os.PRIO_PROCESS, process._process.pid) == min(19, own + 10)
-    process.close(EXIT_TIMEOUT)
 
 
 def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path, capfd):
@@ -235,14 +212,6 @@ def test_one_that_does_not_keep_up_gets_no_more_and_records_what_it_received(tmp
         assert 1000 < len(found) < 20_000
 
 
-def test_a_program_that_ended_before_it_began_has_no_report(tmp_path, capfd):
-    process = reporter_of(tmp_path)
-    assert process.close(EXIT_TIMEOUT) == 1
-    assert 'report: there is none: the program ended before anything began' in (
-        capfd.readouterr().err)
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize('error, text', [
     (ValueError('odd'), "there is none: ValueError('odd')"),
     (OSError(28, 'No space left on device'), 'there is none: No space left on device')])
@@ -254,15 +223,6 @@ def test_a_report_that_fails_is_a_one_line_message(error, text, monkeypatch, tmp
     record = DriveLog()
     record.on_event(OPENED)
     assert report_program.try_write_report(record, tmp_path, None) == text
-
-
-def test_the_report_gets_the_failure_of_the_recording(monkeypatch, tmp_path):
-    calls = []
-    monkeypatch.setattr(report_program, 'write_report', lambda *arguments: calls.append(arguments))
-    record = DriveLog()
-    record.on_event(OPENED)
-    assert report_program.try_write_report(record, tmp_path, 'run.mcap ends early') is None
-    assert calls == [(record, tmp_path, 'run.mcap ends early')]
 
 
 def test_a_folder_is_made_and_kept(tmp_path):
@@ -299,17 +259,3 @@ def test_a_folder_that_holds_something_is_refused(tmp_path):
     assert refused_because(tmp_path) == (
         f'--report {tmp_path} is not empty, it holds run.mcap: name a folder that is new or empty')
     assert list(tmp_path.iterdir()) == [tmp_path / 'run.mcap']
-
-
-def test_a_file_is_no_folder(tmp_path):
-    (tmp_path / 'file').touch()
-    assert refused_because(tmp_path / 'file') == (
-        f'--report {tmp_path}/file is a file: name a folder that is new or empty')
-    assert re.match(r'.*/file/in cannot be written to \(Not a directory\): name another folder$',
-                    refused_because(tmp_path / 'file' / 'in'))
-
-
-@pytest.mark.skipif(not Path('/proc/self').exists(), reason='needs a place for no files')
-def test_a_folder_that_cannot_be_written_to_is_refused():
-    assert 'cannot be written to' in refused_because('/proc/report')
-    assert 'cannot be written to (File name too long)' in refused_because('/tmp/' + 300 * 'x')

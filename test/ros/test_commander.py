@@ -23,7 +23,6 @@ import random
 import threading
 import time
 
-from kachaka_simple_control.commands.cli import parse
 from kachaka_simple_control.control.drive_requests import StopRequests
 from kachaka_simple_control.control.events import OdometryReceived, VelocitySent
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
@@ -33,7 +32,6 @@ from kachaka_simple_control.motion.geometry import integrate, ORIGIN, relative_t
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Turn
 from optional_libraries import MISSING, optional_imports
-from program import COMMAND, program
 import pytest
 from ros_support import bridge
 from waiting import wait_until
@@ -290,20 +288,6 @@ def hold(node, listener):
     return len(listener.received)
 
 
-def test_a_hold_that_is_released_goes_on_by_itself(listener, observer, make):
-    observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')
-    node = make()
-    with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
-        for factor in (1.0, 0.5):
-            count = hold(node, listener)
-            assert not any(velocity.moves for velocity in listener.received[count - 5:count])
-            node.session.speed_factor.set('obstacle', factor)
-            listener.wait_for(
-                lambda velocity, top=CRUISE * factor: velocity.linear_x == top, after=count)
-            node.session.speed_factor.set('obstacle', 1.0)
-        assert ended == []
-
-
 @pytest.mark.parametrize('by', ['service', 'method'])
 def test_a_hold_is_kept_if_the_robot_was_moved_meanwhile(listener, observer, make, capfd, by):
     pose = observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')
@@ -330,26 +314,6 @@ def test_a_hold_is_kept_if_the_robot_was_moved_meanwhile(listener, observer, mak
         assert node.speed_factor == 1.0
         assert ended == []
     assert capfd.readouterr().err.count('the robot was moved by 30.0 cm') == 1
-
-
-def test_a_factor_below_one_percent_is_a_hold(listener, observer, make, capfd):
-    observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')
-    node = make()
-    with driving(node.move_robot, CRUISE, 0.0, 30.0):
-        listener.wait_for(is_at_cruise)
-        node.speed_factor = 0.05
-        node.session.speed_factor.set('obstacle', 0.1)
-        count = len(listener.received)
-        listener.wait_for(is_zero, after=count)
-        time.sleep(0.5)
-        assert not any(velocity.moves for velocity in listener.received[-3:])
-    with driving(node.move_robot, CRUISE, 0.0, 30.0):
-        count, text = len(listener.received), []
-        held = 'The motion is held at its start (speed 5 %, obstacle 10 %)'
-        assert wait_until(
-            lambda: text.append(capfd.readouterr().err) or held in ''.join(text))
-        time.sleep(0.3)
-        assert not any(velocity.moves for velocity in listener.received[count:])
 
 
 def test_a_parameter_that_is_refused_with_another_changes_no_speed(listener, observer, make):
@@ -409,28 +373,6 @@ def test_nothing_starts_or_goes_on_at_the_same_time_as_a_stop(listener, make):
         assert listener.call(name).success
     listener.wait_for(lambda velocity: velocity.moves, after=count)
     node.stop_robot()
-
-
-def test_a_run_that_ended_while_paused_does_not_go_on(listener, make):
-    """The robot left; a resume afterwards, by whoever did not notice, moves nothing."""
-    node = make()
-    sent = []
-    node.event_bus.subscribe(
-        lambda event: sent.append(event) if isinstance(event, VelocitySent) else None)
-    with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
-        pause_in_cruise(node, listener)
-        count = len(sent)
-        listener.leave()
-        assert wait_until(lambda: ended)
-        assert 'the robot left' in str(ended[0])
-        assert listener.call('resume').message == 'resumed'
-        assert listener.call('resume').message == 'nothing was paused'
-        assert listener.call('pause').message == 'paused: the next motion is held at its start'
-        assert listener.call('pause').message == 'it was paused before'
-        node.session.speed_factor.set('obstacle', 0.0)
-        assert listener.call('resume').message == 'another holds the robot: obstacle 0 %'
-        time.sleep(0.5)
-    assert all(event.velocity.is_zero for event in sent[count:])
 
 
 def test_a_long_pause_gives_the_motion_up_and_the_robot_back(listener, make):
@@ -495,53 +437,6 @@ def test_the_speed_is_a_parameter_and_a_topic(listener, observer, make):
         with pytest.raises(MotionRefusedError, match='speed_factor'):
             node.speed_factor = wrong
     assert node.speed_factor == 1.0
-
-
-def test_the_command_drives_at_half_the_speed_for_twice_the_time(listener, tmp_path):
-    file = tmp_path / 'on.yaml'
-    file.write_text('steps:\n  - move: {linear_x: 0.2, angular_z: 0, duration: 0.7}\n')
-    with program([*COMMAND, str(file), '--speed', '50%'], tmp_path) as started:
-        assert started.end() == 0
-    assert 'Slower than planned: speed 50 %' in started.text
-    assert ' seconds planned, driven in ' in started.text
-    cruise = max(listener.moves(), key=lambda move: move.count)
-    assert cruise.linear_x == pytest.approx(0.1)
-    assert cruise.duration == pytest.approx(1.4, abs=0.2)
-
-
-@pytest.mark.parametrize('speed', ['0', '0%', '150%', 'x', '-50%', 'nan', '50%%', ''])
-def test_an_impossible_speed_is_refused_in_one_line(speed, capsys):
-    with pytest.raises(SystemExit) as caught:
-        parse(['square', f'--speed={speed}'])
-    assert caught.value.code == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert '--speed' in line
-    assert 'from 1% to 100%' in line
-
-
-def test_two_speeds_that_differ_are_refused(tmp_path):
-    command = [*COMMAND, '--speed', '50%', '--ros-args', '-p', 'speed_factor:=0.7']
-    with program(command, tmp_path) as started:
-        assert started.end() == 2
-    (line,) = started.text.splitlines()
-    assert '--speed 50% and -p speed_factor:=0.7 differ: give one' in line
-
-
-def test_a_command_to_a_closed_node_is_refused(make):
-    node = make()
-    node.session.close()
-    for command in (node.pause, node.resume, partial(node.commander.set_speed, 0.5)):
-        with pytest.raises(MotionRefusedError, match='ended: nothing is driven any more'):
-            command()
-
-
-def test_a_command_to_a_node_that_is_being_destroyed_is_refused(make):
-    """The node is gone, and this thread has not seen yet that it was closed."""
-    node = make()
-    node.destroy_node()
-    node.session._is_closed, node.session._stopped_by = False, None
-    with pytest.raises(MotionRefusedError, match='ended: nothing is driven any more'):
-        node.commander.set_speed(0.5)
 
 
 def test_a_pause_after_the_guardians_stop_is_refused(make):

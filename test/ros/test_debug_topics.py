@@ -19,15 +19,13 @@ import math
 import threading
 import time
 
-from kachaka_simple_control.errors import MotionRefusedError
-from kachaka_simple_control.motion.steps import Arc, Forward, Motion
+from kachaka_simple_control.motion.steps import Arc, Motion
 from optional_libraries import MISSING, optional_imports
 import pytest
 from waiting import wait_until
 
 SHOWN = MISSING
 with optional_imports():
-    import rclpy
     from rclpy.impl.rcutils_logger import RcutilsLogger
     from topic_observer import figures, ODOMETRY, positions, SHOWN, VELOCITY
 
@@ -60,16 +58,6 @@ def test_the_plan_is_shown_before_the_robot_moves_from_where_it_is(listener, obs
     late = observer.planned()
     assert wait_until(lambda: late)
     assert positions(late[-1]) == positions(planned[-1])
-
-
-def test_without_odometry_the_path_is_planned_from_the_origin(
-        listener, observer, make):
-    node = make()
-    planned = observer.planned()
-    node.run(Motion('on', [Forward(0.05)]))
-    assert wait_until(lambda: planned)
-    assert planned[-1].header.frame_id == 'odom'
-    assert positions(planned[-1]) == [pytest.approx((0.0, 0.0)), pytest.approx((0.05, 0.0))]
 
 
 def test_each_velocity_is_shown_with_its_time(listener, observer, make):
@@ -131,29 +119,6 @@ def test_a_diagnosis_is_made_even_while_the_clock_of_ros_stands_still(listener, 
     assert [move.count for move in listener.moves()] == [25]
 
 
-def test_a_diagnosis_reports_the_end_of_a_motion(listener, observer, make):
-    node = make()
-    seen = observer.diagnostics()
-    stop_soon(node, listener)
-    with pytest.raises(MotionRefusedError):
-        node.move_robot(0.1, 0.0, 10.0)
-    assert wait_until(lambda: seen and figures(seen[-1])['state'] == 'stopped early')
-    assert seen[-1].status[0].level == b'\x01'
-    assert 'ended by stop_robot()' in seen[-1].status[0].message
-    node.session.stop_permanently(MotionRefusedError('enough'))
-    assert wait_until(lambda: figures(seen[-1])['state'] == 'stopped permanently')
-    assert seen[-1].status[0].level == b'\x02'
-    assert 'enough' in seen[-1].status[0].message
-
-
-def stop_soon(node, listener):
-    """Stop a node once it moves."""
-    def stop():
-        listener.wait_for(lambda velocity: velocity.moves)
-        node.stop_robot()
-    threading.Thread(target=stop).start()
-
-
 def test_a_topic_that_fails_is_logged_once_and_ends_nothing(listener, observer, make, monkeypatch):
     from kachaka_simple_control.ros import debug_topics, session_status
 
@@ -198,38 +163,3 @@ def test_slow_dds_of_debug_topics_delays_no_velocity(
     count = len(sent)
     time.sleep(0.5)
     assert len(sent) == count
-
-
-def test_messages_beyond_the_queue_are_dropped(make):
-    node = make()
-    thread, made = node._introspection._thread, []
-    all_are_queued = threading.Event()
-    thread._publish = lambda publisher, serialize: (
-        all_are_queued.wait(10.0), made.append(serialize()))
-    began = time.monotonic()
-    for number in range(1000):
-        thread.publish(None, lambda number=number: number)
-    assert time.monotonic() - began < 5.0  # none waited
-    all_are_queued.set()
-    assert wait_until(lambda: len(made) >= 200)
-    assert thread._queue.empty()
-    assert len(made) <= 201
-
-
-def test_nothing_is_published_after_the_session_was_closed(listener, observer, make):
-    observer.publish_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
-    node = make()
-    seen = [observer.diagnostics(), observer.driven(), observer.planned(), observer.velocities()]
-    node.move_robot(0.1, 0.0, 1.2)
-    assert wait_until(lambda: all(seen))
-    node.session.close()
-    time.sleep(0.2)
-    counts = [len(one) for one in seen]
-    # Somebody else spins it yet.
-    executor = rclpy.executors.SingleThreadedExecutor()
-    executor.add_node(node)
-    end = time.monotonic() + 1.5
-    while time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.1)
-    executor.remove_node(node)
-    assert [len(one) for one in seen] == counts

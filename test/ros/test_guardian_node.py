@@ -186,16 +186,6 @@ def test_a_robot_that_comes_later_gets_its_publisher_on_a_node_that_is_there(
     assert one.is_matched
 
 
-def test_the_publisher_of_a_robot_that_is_left_is_gone(listener, observer, nodes, shared):
-    one, other = robot(nodes, shared), robot(nodes, shared, NOBODY)
-    match(nodes, one, timeout=0.5)
-    wait_until(lambda: observer.node.count_publishers(NOBODY) == 1)
-    one.leave()
-    assert publishers(observer) == 0
-    assert observer.node.count_publishers(NOBODY) == 1
-    other.leave()
-
-
 def test_no_node_joins_while_a_robot_is_driven(listener, process, shared):
     """To join takes some hundredths of a second, in which nobody would be guarded."""
     driven = add(process, shared)

@@ -31,7 +31,7 @@ with optional_imports():
     import rclpy
     from rclpy.qos import QoSProfile, ReliabilityPolicy
     from std_srvs.srv import Trigger
-    from topic_observer import ODOMETRY, SHOWN, VELOCITY
+    from topic_observer import SHOWN, VELOCITY
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs')]
 
@@ -52,14 +52,6 @@ def test_the_quality_of_service_can_be_changed(make, observer):
     ] == [ReliabilityPolicy.RELIABLE])
 
 
-def test_odometry_may_be_subscribed_to_reliably(make, observer):
-    make(**{f'qos_overrides.{ODOMETRY}.subscription.reliability': 'reliable'})
-    assert wait_until(lambda: [
-        info.qos_profile.reliability
-        for info in observer.node.get_subscriptions_info_by_topic(ODOMETRY)
-    ] == [ReliabilityPolicy.RELIABLE])
-
-
 @pytest.mark.parametrize('policy, value, text', [
     ('history', 'keep_all', 'a slow reader hold up the drive'),
     ('reliability', 'sometimes', 'sometimes'),
@@ -69,12 +61,6 @@ def test_an_impossible_quality_of_service_is_refused(make, policy, value, text):
     name = '/kachaka_simple_control/commanded_velocity'
     with pytest.raises(UsageError, match=text):
         make(**{f'qos_overrides.{name}.publisher.{policy}': value})
-
-
-def test_the_velocities_keep_their_quality_of_service(make):
-    """The guardian's publisher has the same, and the depth is part of the stop."""
-    node = make(**{f'qos_overrides.{VELOCITY}.publisher.depth': 3})
-    assert node.publisher.qos_profile.depth == 10
 
 
 def test_parameters_cannot_be_changed_while_driving(listener, observer, make):

@@ -170,14 +170,6 @@ def test_a_robot_that_refuses_manual_control_is_not_driven(tmp_path):
         assert listener.received == []
 
 
-def test_zeros_are_sent_for_the_prime_time_first(tmp_path):
-    with Listener() as listener:
-        with program(with_parameters('prime_time:=1.0'), tmp_path):
-            moved = listener.wait_for(lambda velocity: velocity.moves)
-        # 1 s of priming, then the first second of the lesson.
-        assert moved.time - listener.received[0].time == pytest.approx(2.0, abs=0.3)
-
-
 #: Imports once, and runs the command with each list of arguments in a child of its own.
 SERVER = """
 import json, os, sys
@@ -231,13 +223,6 @@ def test_a_parameter_that_cannot_work_is_refused_in_one_line(run, parameter, tex
     code, printed = run('-p', parameter)
     assert (code, len(printed.splitlines())) == (2, 1)
     assert text in printed
-
-
-@pytest.mark.parametrize('parameter', [
-    'use_sim_time:=false', 'another_node:colour:=red',
-    'qos_overrides./kachaka/odometry/odometry.subscription.depth:=5'])
-def test_parameters_of_ros_and_of_other_nodes_are_accepted(run, parameter):
-    assert run('-p', 'robot_timeout:=0.5', '-p', 'guardian:=false', '-p', parameter)[0] == 3
 
 
 def test_arguments_that_ros_does_not_understand_are_bad_usage(run):
@@ -294,17 +279,6 @@ def test_an_environment_that_ros_cannot_use_is_refused_in_one_line(
     assert text in line
 
 
-@pytest.mark.parametrize('reason, shown', [
-    ('no\x1b[2J\nnot today', r'refused manual control: no\x1b[2J\nnot today'),
-    ('no' * 50_000, 'nonon...')])
-def test_a_refusal_of_the_robot_is_printed_in_one_line(tmp_path, reason, shown):
-    with Listener(grants=False, reason=reason), program(QUICK_COMMAND, tmp_path) as started:
-        assert started.end() == 3
-        last = started.text.splitlines()[-1]
-    assert shown in last
-    assert len(last) < 300
-
-
 @pytest.mark.parametrize('policies, text', [
     ({'durability': DurabilityPolicy.TRANSIENT_LOCAL},
      'durability (it asks for transient_local, and volatile is offered); change'),
@@ -319,8 +293,3 @@ def test_a_quality_of_service_that_does_not_fit_is_named(tmp_path, policies, tex
         assert started.end() == 3
     assert (f'a subscriber is there (node listener), but its quality of service does not fit: '
             f'{text}') in started.text
-
-
-def test_a_whole_number_is_a_number(tmp_path):
-    with program(with_parameters('rate:=20', 'robot_timeout:=1'), tmp_path) as started:
-        assert started.end() == 3

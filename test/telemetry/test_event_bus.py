@@ -57,15 +57,6 @@ def test_an_event_that_nobody_wants_wakes_no_thread():
     assert seen == [events[7]]
 
 
-def test_readers_are_called_in_one_thread_of_their_own():
-    bus, threads = EventBus(), set()
-    bus.subscribe(lambda _: threads.add(threading.current_thread().name))
-    for event in events_of(10):
-        bus.publish(event)
-    assert bus.flush(10.0)
-    assert threads == {'events'}
-
-
 def test_a_reader_that_raises_is_detached():
     lines, reasons, events, calls = [], [], [], []
     bus = EventBus(lines.append)
@@ -116,17 +107,6 @@ def test_publishing_waits_for_no_reader():
     for event in events_of(1000):
         bus.publish(event)
     assert time.monotonic() - began < 0.5
-
-
-def test_closing_passes_on_what_was_published_and_nothing_more():
-    bus, events, seen = EventBus(), events_of(50), []
-    bus.subscribe(seen.append)
-    for event in events:
-        bus.publish(event)
-    bus.close()
-    bus.publish(MotionStarted(99.0))
-    assert bus.flush(0.0)
-    assert seen == events
 
 
 def test_closing_waits_half_a_second_for_a_slow_reader():

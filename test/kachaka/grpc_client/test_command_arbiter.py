@@ -19,8 +19,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.control.timing import (
     MAX_CONSECUTIVE_TIMEOUTS,
-    MAX_STREAM_PERIOD,
-    REARM_IDLE_TIME,
     STOP_REPEAT_PERIOD,
     STREAM_TIMEOUT,
 )
@@ -120,41 +118,7 @@ def test_a_5_hz_publisher_is_left_to_the_command_timeout(period, count):
     assert timeout.end is None
 
 
-@given(st.lists(st.floats(0.001, STREAM_TIMEOUT - 1e-6), max_size=20))
-def test_no_gap_below_the_stream_timeout_is_an_end(gaps):
-    """At any rate, mixed in any way."""
-    timeout, now = StreamTimeout(), 0.0
-    timeout.on_command(False, now)
-    for gap in gaps:
-        now += gap
-        assert not timeout.has_expired(now)
-        timeout.on_command(False, now)
-
-
-@given(st.floats(0.01, MAX_STREAM_PERIOD), st.integers(2, 20))
-def test_a_run_that_is_not_aborted_is_never_interrupted(period, count):
-    """Our node aborts when a velocity is more than 0.1 s late."""
-    timeout = StreamTimeout()
-    for tick in range(count):
-        timeout.on_command(False, tick * period)
-    last = (count - 1) * period
-    assert not timeout.has_expired(last + period + 0.1 - 1e-6)
-
-
-def test_a_zero_resets_the_stream_timeout():
-    timeout = StreamTimeout()
-    for is_stop, time in ((False, 0.0), (False, 0.05), (True, 0.1), (False, 0.2)):
-        timeout.on_command(is_stop, time)
-    assert timeout.end is None
-
-
 # The arbiter.
-
-def test_nothing_is_sent_before_the_robot_responds():
-    arbiter = CommandArbiter(COMMAND_TIMEOUT)
-    arbiter.on_command(stop(0.0))
-    arbiter.on_command(motion(0.1))
-    assert arbiter.next_request(0.1) is None
 
 
 def test_one_motion_at_a_time_and_the_newest_next(arbiter):
@@ -250,15 +214,6 @@ def test_after_a_refusal_motions_are_blocked_until_a_rest(arbiter, refused):
     assert sent(arbiter, 6.1).kind is RpcKind.MOTION
 
 
-def test_an_idle_time_counts_as_a_rest(arbiter):
-    arbiter.on_command(motion(0.0))
-    arbiter.block_motion()
-    arbiter.on_command(motion(REARM_IDLE_TIME))
-    assert arbiter.next_request(REARM_IDLE_TIME) is None
-    arbiter.on_command(motion(REARM_IDLE_TIME + REARM_IDLE_TIME + 0.1))
-    assert sent(arbiter, REARM_IDLE_TIME + REARM_IDLE_TIME + 0.1).kind is RpcKind.MOTION
-
-
 def test_commands_queued_while_the_bridge_was_suspended_are_not_sent(arbiter):
     """Whether it is received before the stall is detected, or after."""
     arbiter.on_command(motion(0.0))
@@ -287,12 +242,6 @@ def test_a_restored_connection_sends_a_stop_and_no_motion(arbiter):
     assert arbiter.next_request(2.2) is None
 
 
-def test_a_stop_without_a_response_is_sent_again(arbiter):
-    arbiter.on_command(stop(0.0))
-    arbiter.on_response(sent(arbiter, 0.0), LATE, 1.0)
-    assert sent(arbiter, 1.0).kind is RpcKind.STOP
-
-
 @pytest.fixture
 def failed(arbiter):
     """Return an arbiter whose robot moves, and could not execute a stop at 1 s."""
@@ -317,18 +266,6 @@ def test_a_stop_that_failed_is_sent_again_until_it_is_done(failed):
     assert failed.next_check is None
 
 
-def test_a_newer_motion_replaces_a_stop_that_failed(failed):
-    failed.on_command(motion(1.01))
-    assert sent(failed, 1.01).kind is RpcKind.MOTION
-    assert failed.next_request(2.0) is None
-    assert failed.next_check is None
-
-
-def test_a_motion_that_is_never_sent_replaces_no_stop_that_failed(failed):
-    failed.on_command(motion(1.01))
-    assert sent(failed, 1.02 + COMMAND_TIMEOUT).kind is RpcKind.STOP
-
-
 def test_a_zero_that_failed_is_not_repeated_to_a_robot_at_rest(arbiter):
     arbiter.on_command(stop(0.0))
     arbiter.on_response(sent(arbiter, 0.0), FAILED, 0.0)
@@ -346,11 +283,3 @@ def test_a_robot_slower_than_its_command_timeout_is_stopped_then_blocked(arbiter
         arbiter.on_response(zero, OK, tick + 0.5)
         arbiter.next_request(tick + 0.8)
     assert arbiter.is_blocked
-
-
-def test_ceased_velocities_stop_the_robot_before_its_command_timeout(arbiter):
-    for time in (0.0, 0.1):
-        arbiter.on_command(motion(time))
-        arbiter.on_response(sent(arbiter, time), OK, time + 0.01)
-    assert arbiter.next_check == pytest.approx(0.1 + STREAM_TIMEOUT)
-    assert sent(arbiter, 0.1 + STREAM_TIMEOUT).kind is RpcKind.STOP

@@ -15,8 +15,6 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 import signal
 import socket
 import subprocess
@@ -59,17 +57,6 @@ def test_first_velocity_enables_manual_control_and_is_not_lost(probe, namespace,
         assert 'Traceback' not in process.text
 
 
-def test_velocities_are_clipped_and_must_be_finite(probe, namespace, robot):
-    """The official bridge sends 1.066 for 0.32 m/s."""
-    with real_bridge(robot.address, '--namespace', namespace) as process:
-        publisher = probe.publisher(namespace, process)
-        assert probe.set_enabled(namespace, True).success
-        probe.send(publisher, math.inf)
-        probe.send(publisher, 0.32, -7.0)
-        assert wait_until(robot.moves)
-        assert robot.ask('rows')[0][1:] == [1.0, -1.0, 0]
-
-
 def test_ceased_velocities_are_stopped_before_the_command_timeout(probe, namespace, robot):
     """Without a zero from the publisher."""
     with real_bridge(robot.address, '--namespace', namespace) as process, \
@@ -80,30 +67,6 @@ def test_ceased_velocities_are_stopped_before_the_command_timeout(probe, namespa
         assert wait_until(lambda: robot.stops(robot.moves()[-1]))
         last = robot.moves()[-1]
         assert 0.2 < robot.stops(last)[0] - last < 0.3
-
-
-def test_a_5_hz_drive_is_not_interrupted(probe, namespace, robot):
-    """No zero is sent in between."""
-    with real_bridge(robot.address, '--namespace', namespace) as process, \
-            commander(probe, namespace, process, rate=5.0) as driver:
-        driver.drive(0.1)
-        assert wait_until(lambda: len(robot.moves()) > 8)
-        assert robot.stops() == []
-
-
-def test_service_delays_no_velocity(probe, namespace, robot):
-    """While it takes half a second, velocities go on at 20 Hz."""
-    with real_bridge(robot.address, '--namespace', namespace) as process, \
-            commander(probe, namespace, process) as driver:
-        driver.drive(0.1)
-        assert wait_until(lambda: len(robot.moves()) > 5)
-        # Delays the velocities as well, each by 0.1 s, but leaves no hole in them.
-        robot.ask('delay 0.1')
-        begun = time.monotonic()
-        assert probe.set_enabled(namespace, True).success
-        assert wait_until(lambda: len(robot.moves(begun)) > 5)
-        times = robot.moves(begun)
-        assert max(b - a for a, b in itertools.pairwise(times)) < 0.25
 
 
 def test_refusals_are_logged_with_their_text(probe, namespace, robot):
@@ -175,49 +138,6 @@ def test_a_simulated_robot_and_its_bridge_tell_charge_and_errors(probe, namespac
         DiagnosticStatus(level=b'\2', name='21051', message='Paused'),
         DiagnosticStatus(level=b'\0', name='1', message='Nothing')])
     assert wait_until(lambda: publisher.publish(message) or info.errors == '21051 Paused')
-
-
-def test_odometry_is_fetched_only_for_subscribers(probe, namespace):
-    """From the simulated robot, with its frames, stamps and cursors."""
-    with SimulatedRobot() as robot:
-        with real_bridge(
-                robot.address, '--namespace', namespace, '--frame-prefix', 'left/') as process, \
-                commander(probe, namespace, process) as driver:
-            received = probe.odometry(namespace)
-            wheels = probe.odometry(namespace, 'wheel_odometry/wheel_odometry')
-            driver.drive(0.1)
-            assert wait_until(lambda: received[-1][1].twist.twist.linear.x == pytest.approx(0.1))
-            assert wait_until(lambda: wheels[-1][1].pose.pose.position.x > 0.0)
-            first, (_, message) = len(received), received[-1]
-            begun = time.monotonic()
-            time.sleep(1.0)
-            # 50 Hz; fewer where the machine is busy.
-        assert 20 < (len(received) - first) / (time.monotonic() - begun) < 60
-        assert message.header.frame_id == 'left/odom'
-        assert message.child_frame_id == 'left/base_footprint'
-        assert abs(message.header.stamp.sec - time.time()) < 60.0
-        stamps = [(m.header.stamp.sec, m.header.stamp.nanosec) for _, m in received]
-        assert stamps == sorted(set(stamps)), 'each reading once'
-
-
-@pytest.mark.parametrize('is_released', [True, False])
-def test_where_the_robot_ended_is_logged(probe, namespace, is_released):
-    """When it is released, or when the bridge ends first."""
-    with SimulatedRobot() as robot:
-        with real_bridge(robot.address, '--namespace', namespace) as process:
-            received, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
-            probe.set_enabled(namespace, True)
-            probe.send(publisher, 0.1)
-            assert wait_until(lambda: received and received[-1][1].pose.pose.position.x > 0.02)
-            assert wait_until(lambda: received[-1][1].twist.twist.linear.x == 0.0)
-            assert ': pose: ' not in process.text
-            if is_released:
-                probe.set_enabled(namespace, False)
-                process.wait_for_text(': pose: 0.0')
-            process.process.send_signal(signal.SIGINT)
-            assert process.end(5.0) == 0
-        x = received[-1][1].pose.pose.position.x
-        assert f': pose: {x:.4f} m, 0.0000 m, 0.00 deg (x, y, heading, by its' in process.text
 
 
 @pytest.mark.parametrize(('options', 'code', 'text'), [

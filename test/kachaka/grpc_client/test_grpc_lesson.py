@@ -80,23 +80,3 @@ def test_lost_robot_ends_the_run(tmp_path):
         robot.ask('cut')
         assert started.end(10.0) == 1
         assert 'the link to the robot was lost' in started.text
-
-
-def test_refused_manual_control_is_reported(tmp_path):
-    with FaultyRobot() as robot:
-        robot.ask('refuse 7')
-        with program([*COMMAND, '--yes', '--address', robot.address], tmp_path) as started:
-            assert started.end(20.0) == 3
-        assert 'kachaka_simple_control: the robot refused manual control: error 7' in started.text
-
-
-@pytest.mark.parametrize(('options', 'code', 'text'), [
-    (('--yes', '--address', '127.0.0.1:1'), 3, '127.0.0.1:1 is there, but refuses connections'),
-    (('--address', 'robot:x'), 2, "the port in 'robot:x' must be a number from 1 to 65535"),
-    (('--address', 'robot', '--sim'), 2, 'not allowed with argument')])
-def test_invalid_options_are_one_line(tmp_path, options, code, text):
-    with program([*COMMAND, *options], tmp_path) as started:
-        assert started.end(10.0) == code
-    assert len(re.findall(r'^kachaka_simple_control: ', started.text, re.MULTILINE)) == 1
-    assert text in started.text
-    assert 'kachaka_bridge' not in started.text

@@ -23,7 +23,6 @@ import time
 
 from kachaka_simple_control.control.diagnosis import Level
 from kachaka_simple_control.control.timing import CONNECTION_TIMEOUT
-from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import VelocityCommand
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import (
     LogThread,
@@ -122,23 +121,6 @@ def test_close_stops_the_robot_and_switches_manual_control_off(robot, client):
     assert [client.next_call() for _ in range(4)] == [(0.0, 0.0), (0.0, 0.0), False, 'closed']
 
 
-def test_manual_control_that_is_renewed_is_logged_once(robot, logged, monkeypatch):
-    for enabled in (True, True, False, False, True):
-        assert robot.set_manual_control(enabled).is_success
-    changes = ['manual control enabled', 'manual control disabled', 'manual control enabled']
-    assert logged == changes
-    # It ends by itself.
-    begun = time.monotonic()
-    monkeypatch.setattr(time, 'monotonic', lambda: begun + KACHAKA.manual_control_timeout + 1.0)
-    assert robot.set_manual_control(True).is_success
-    assert logged[len(changes):] == ['manual control enabled']
-
-
-def test_close_without_a_motion_sends_nothing(robot, client):
-    robot.close()
-    assert client.next_call() == 'closed'
-
-
 def test_close_is_bounded_if_the_robot_never_responds(robot, client):
     assert robot.set_manual_control(True).is_success
     client.may_answer.clear()
@@ -200,29 +182,7 @@ def test_an_unexpected_exception_does_not_prevent_the_zero(robot, client, logged
     assert 'OSError: out of everything' in logged[0]
 
 
-def test_an_exception_at_the_end_does_not_prevent_the_other_calls(robot, client):
-    assert robot.set_manual_control(True).is_success
-    send(robot)
-    assert [client.next_call(), client.next_call()] == [True, (0.5, 0.0)]
-    client.error = OSError('out of everything')
-    robot.close()
-    assert [client.next_call() for _ in range(4)] == [(0.0, 0.0), (0.0, 0.0), False, 'closed']
-
-
-def test_calls_cancelled_by_close_are_no_lost_connection(robot, logged):
-    robot.close()
-    robot.on_result(GONE, time.monotonic())
-    assert logged == []
-
-
 # The connection.
-
-def test_one_late_response_is_no_lost_connection():
-    connection = ConnectionState()
-    assert connection.on_result(OK, 0.0, 0.1) is ConnectionEvent.FOUND
-    assert connection.on_result(LATE, 10.0, 10.3) is None
-    assert connection.on_result(OK, 10.3, 10.4) is None
-    assert connection.on_result(LATE, 11.0, 11.3) is None
 
 
 def test_no_response_for_the_timeout_is_a_lost_connection():
@@ -234,13 +194,6 @@ def test_no_response_for_the_timeout_is_a_lost_connection():
     assert connection.on_result(LATE, 11.0, 12.0) is None
     assert connection.on_result(
         RpcResult(failure=RpcFailure.FAILED), 12.0, 12.1) is ConnectionEvent.BACK
-
-
-def test_later_responses_outweigh_one_late_call():
-    connection = ConnectionState()
-    connection.on_result(OK, 0.0, 0.1)
-    connection.on_result(OK, 1.0, 1.1)
-    assert connection.on_result(LATE, 0.2, 1.2) is None
 
 
 # Diagnostics.

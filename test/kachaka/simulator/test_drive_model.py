@@ -22,7 +22,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.kachaka.simulator.drive_model import (
     DriveModel,
-    first_order_response,
     IDEAL,
     SimulationParameters,
 )
@@ -93,32 +92,12 @@ def test_odometry_of_worn_wheels_is_that_of_good_ones_and_the_floor_is_another(c
     assert (pose.x, pose.y, pose.theta) == pytest.approx((true.x, true.y, true.theta), abs=1e-5)
 
 
-def test_worn_wheels_go_less_far_and_their_velocity_is_true():
-    drive = DriveModel(SimulationParameters(odometry_scale=0.9, track_ratio=1.25), 0.0, 0)
-    drive.set_target(Velocity(0.2, 0.5), 0.0)
-    pose, velocity = drive.state_at(1.0)
-    assert pose.theta == pytest.approx(0.5 * 0.9 / 1.25)
-    assert (velocity.linear_x, velocity.angular_z) == pytest.approx((0.18, 0.36))
-    reported, velocity = drive.reported_at(1.0)
-    assert reported.theta == pytest.approx(0.5)
-    assert velocity == Velocity(0.2, 0.5)
-
-
 def test_same_seed_same_drive_at_any_start_time():
     """Noise depends on the time since the start."""
     commands = [(0.25, Velocity(0.25, 0.5)), (0.25, Velocity(0.125, -1.0))]
     early, late = (drive_and_ask(REAL, commands, [], start)[0] for start in (0.0, 65536.0))
     assert early.x == pytest.approx(late.x, abs=1e-9)
     assert early.theta == pytest.approx(late.theta, abs=1e-9)
-
-
-def test_other_seed_other_drive():
-    """The noise differs."""
-    noisy = SimulationParameters(velocity_noise=0.2)
-    first, second = (DriveModel(noisy, 0.0, seed) for seed in (1, 2))
-    for drive in (first, second):
-        drive.set_target(Velocity(0.1), 0.0)
-    assert first.state_at(1.0) != second.state_at(1.0)
 
 
 def test_velocity_noise_has_the_deviation_it_was_given():
@@ -145,25 +124,6 @@ def test_lag_delays_and_catches_up():
     # Below 1e-6 m/s with a target of zero the robot stands still.
     assert drive.state_at(10.0)[0].x == pytest.approx(0.2 * 2.0, abs=1.1e-7)
     assert drive.state_at(10.0)[1] == ZERO
-
-
-def test_acceleration_is_limited():
-    """0.2 m/s at 0.4 m/s^2: a ramp of 0.5 s, which costs 0.05 m."""
-    drive = DriveModel(SimulationParameters(linear_acceleration=0.4), 0.0, 0)
-    drive.set_target(Velocity(0.2), 0.0)
-    assert drive.state_at(0.25)[1].linear_x == pytest.approx(0.1)
-    assert drive.state_at(2.0)[1].linear_x == 0.2
-    assert drive.state_at(2.0)[0].x == pytest.approx(0.35)
-
-
-def test_gain_errors_change_the_distance():
-    """A commanded metre is another metre."""
-    drive = DriveModel(SimulationParameters(linear_gain=0.9, angular_gain=1.1), 0.0, 0)
-    drive.set_target(Velocity(0.1, 0.0), 0.0)
-    drive.set_target(Velocity(0.0, 0.5), 1.0)
-    pose, velocity = drive.state_at(2.0)
-    assert (pose.x, pose.theta) == pytest.approx((0.09, 0.55))
-    assert velocity.angular_z == pytest.approx(0.55)
 
 
 def test_dead_time_shifts_the_drive_and_changes_nothing_else():
@@ -202,46 +162,6 @@ def test_veer_bends_a_straight_line():
     assert velocity.angular_z == pytest.approx(0.035 * 0.19)
     drive.set_target(Velocity(-0.2, 0.0), 5.0)
     assert drive.state_at(10.0)[0].theta == pytest.approx(0.0, abs=1e-12)
-
-
-def test_spiral_is_close_to_a_fine_integration():
-    """While both velocities change, the path consists of arcs: check how exact that is."""
-    drive = DriveModel(SimulationParameters(lag=0.3), 0.0, 0)
-    drive.set_target(Velocity(0.3, 1.5), 0.0)
-    pose, step = ORIGIN, 1e-5
-    for index in range(100_000):
-        share = 1.0 - math.exp(-(index + 0.5) * step / 0.3)
-        pose = integrate(pose, Velocity(0.3 * share, 1.5 * share), step)
-    driven, _ = drive.state_at(1.0)
-    assert (driven.x, driven.y) == pytest.approx((pose.x, pose.y), abs=1e-7)
-
-
-def test_a_long_rest_takes_no_computation():
-    """A robot with a lag and no command for a day returns its state at once."""
-    drive = DriveModel(REAL, 0.0, 0)
-    drive.set_target(Velocity(0.1), 0.0)
-    drive.set_target(ZERO, 0.2)
-    # 86 million grid points would take minutes.
-    pose, velocity = drive.state_at(86400.0)
-    assert velocity == ZERO
-    drive.set_target(Velocity(0.1), 86400.0)
-    assert drive.state_at(86401.0)[0].x > pose.x + 0.05
-
-
-@given(
-    velocity=st.floats(-2.0, 2.0), target=st.floats(-2.0, 2.0), duration=st.floats(0.0, 3.0),
-    share=st.floats(0.0, 1.0), lag=st.sampled_from([0.0, 0.05, 0.4]),
-    acceleration=st.sampled_from([0.3, 5.0, math.inf]))
-def test_response_in_two_parts_is_the_response_in_one(
-        velocity, target, duration, share, lag, acceleration):
-    """The solution is exact, so it can be cut anywhere."""
-    end, way = first_order_response(velocity, target, duration, lag, acceleration)
-    first, way_before = first_order_response(velocity, target, share * duration, lag, acceleration)
-    second, way_after = first_order_response(
-        first, target, (1.0 - share) * duration, lag, acceleration)
-    assert second == pytest.approx(end, abs=1e-9)
-    assert way_before + way_after == pytest.approx(way, abs=1e-9)
-    assert min(velocity, target) - 1e-12 <= end <= max(velocity, target) + 1e-12
 
 
 @pytest.mark.parametrize(('name', 'value'), [

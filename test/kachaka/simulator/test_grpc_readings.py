@@ -23,7 +23,7 @@ import pytest
 CALLS = UNIMPLEMENTED = MISSING
 with optional_imports():
     import grpc
-    from grpc_support import bench, DEADLINE, NOTHING
+    from grpc_support import bench, DEADLINE
     from kachaka_api.generated import kachaka_api_pb2 as pb2
     from kachaka_simple_control.kachaka.simulator.grpc_services import CALLS, UNIMPLEMENTED
 
@@ -47,12 +47,6 @@ def robot():
     with bench() as started:
         started.enable()
         yield started
-
-
-def test_all_readings_of_the_official_bridge_are_implemented():
-    assert {'GetRosOdometry', 'GetRosWheelOdometry', 'GetRobotPose', 'GetError',
-            'GetManualControlEnabled', 'GetCommandState', 'GetBatteryInfo',
-            'GetStaticTransform', 'GetLocations', 'GetShelves'} <= set(READINGS)
 
 
 @pytest.mark.parametrize('name', READINGS)
@@ -95,17 +89,6 @@ def test_odometry_has_the_form_of_ros(robot):
         assert len(odometry.pose.covariance) == len(odometry.twist.covariance) == 36
 
 
-def test_many_long_polls_do_not_delay_a_velocity(robot):
-    """Two hundred of them, and each returns."""
-    cursor = robot.get('GetManualControlEnabled').metadata.cursor
-    request = pb2.GetRequest(metadata=pb2.Metadata(cursor=cursor))
-    waiting = [robot.stub.GetManualControlEnabled.future(request, timeout=DEADLINE)
-               for _ in range(200)]
-    assert robot.velocity(1.0).success
-    robot.enable(False)
-    assert [future.result().enabled for future in waiting] == [False] * 200
-
-
 def test_the_pose_on_the_map_can_be_set(robot):
     """On its map; odometry stays as it is."""
     robot.velocity(1.0)
@@ -117,33 +100,6 @@ def test_the_pose_on_the_map_can_be_set(robot):
     pose = robot.get('GetRobotPose').pose
     assert (pose.x, pose.y, pose.theta) == pytest.approx((2.0, 1.09, math.pi / 2.0))
     assert robot.x() == pytest.approx(0.18)
-
-
-def test_a_pose_that_is_not_finite_is_refused(robot):
-    request = pb2.SetRobotPoseRequest(pose=pb2.Pose(x=math.nan))
-    assert robot.call('SetRobotPose', request).result.success is False
-    assert robot.get('GetRobotPose').pose == pb2.Pose()
-
-
-def test_transforms_stream_until_the_client_disconnects(robot):
-    """From the map to odometry to the robot, every 20 ms."""
-    robot.velocity(1.0)
-    stream = robot.stub.GetDynamicTransform(NOTHING, timeout=DEADLINE)
-    first = next(stream).transforms
-    robot.pass_time(0.1)
-    second = next(stream).transforms
-    stream.cancel()
-    assert [(item.header.frame_id, item.child_frame_id) for item in second] == [
-        ('map', 'odom'), ('odom', 'base_footprint')]
-    assert first[1].translation.x == 0.0
-    assert second[1].translation.x == pytest.approx(0.03)
-
-
-def test_static_transforms_are_those_of_the_maker(robot):
-    body, laser = robot.get('GetStaticTransform').transforms
-    assert (body.header.frame_id, body.child_frame_id) == ('base_footprint', 'base_link')
-    assert (laser.translation.x, laser.translation.z) == (0.156, 0.1049)
-    assert laser.rotation.z == pytest.approx(math.sqrt(0.5))
 
 
 @pytest.mark.parametrize('name', UNIMPLEMENTED)

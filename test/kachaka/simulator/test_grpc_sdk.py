@@ -18,8 +18,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import inspect
-from pathlib import Path
-import re
 
 from kachaka_simple_control.kachaka.robot_status import (
     ERROR_NO_FURNITURE,
@@ -34,15 +32,13 @@ import pytest
 kachaka_api = pb2 = MISSING
 with optional_imports():
     import grpc
-    from grpc_support import bench, FastClock, StillClock
+    from grpc_support import bench, FastClock
     import kachaka_api
     from kachaka_api.generated import kachaka_api_pb2 as pb2
     from kachaka_simple_control.kachaka.simulator.grpc_server import GrpcServer
     from kachaka_simple_control.kachaka.simulator.grpc_services import UNIMPLEMENTED
 
 pytestmark = pytest.mark.needs('grpc', 'kachaka_api')
-
-DOCUMENT = Path(__file__).resolve().parents[3] / 'docs' / 'simulation.md'
 PLACE = {'x': 1.0, 'y': 0.0, 'theta': 0.5}
 #: What the methods are called with that want something; FILE is one that can be read and written.
 FILE = object()
@@ -174,52 +170,3 @@ def test_every_stream_of_the_asynchronous_client_begins(name):
                 assert type(await asyncio.wait_for(received.get(), 10.0)) is type(first)
                 handler.set_callback(None)
     asyncio.run(listen())
-
-
-def test_manual_control_goes_off_after_60_s_for_the_sdk():
-    """The plain client enables it again by itself, with the next velocity."""
-    with bench() as robot:
-        client = kachaka_api.KachakaApiClient(robot.server.address)
-        assert client.set_manual_control_enabled(True).success
-        robot.pass_time(59.9)
-        assert client.get_manual_control_enabled() is True
-        robot.pass_time(0.2)
-        assert client.get_manual_control_enabled() is False
-        assert client.set_robot_velocity(0.1, 0.0).success
-        assert client.get_manual_control_enabled() is True
-        robot.pass_time(1.0)
-        assert robot.x() == pytest.approx(0.03, abs=1e-9)
-
-
-def test_the_sdk_waits_for_its_commands():
-    """Forward, a turn to the left, and back."""
-    with bench(FastClock()) as robot:
-        client = kachaka_api.KachakaApiClient(robot.server.address)
-        assert client.move_forward(0.5, speed=0.2).success
-        assert client.rotate_in_place(3.0).success
-        pose = client.get_robot_pose()
-        assert (pose.x, pose.theta) == (pytest.approx(0.5, abs=1e-6), pytest.approx(3.0, abs=1e-6))
-        assert client.return_home().success
-        assert client.get_battery_info()[1] == pb2.POWER_SUPPLY_STATUS_CHARGING
-
-
-def test_a_stream_of_odometry_follows_the_robot():
-    """In simulated time: a reading for each 20 ms, the newest first."""
-    async def follow():
-        clock = StillClock()
-        async with asynchronous(clock) as (server, client):
-            await client.set_robot_velocity(0.3, 0.0)
-            places = []
-            async for odometry in client.ros_odometry.stream():
-                places.append(odometry.pose.pose.position.x)
-                if len(places) == 5:
-                    break
-                clock.time += 0.0201
-                server.state.notify()
-            assert places == pytest.approx([0.3 * 0.0201 * tick for tick in range(5)])
-    asyncio.run(follow())
-
-
-def test_the_document_names_all_that_is_not_there():
-    section = DOCUMENT.read_text().partition('answer `UNIMPLEMENTED`')[2].partition('\n## ')[0]
-    assert sorted(re.findall(r'`(\w+)`', section)) == sorted(UNIMPLEMENTED)

@@ -18,15 +18,11 @@ from __future__ import annotations
 import math
 
 from kachaka_simple_control.kachaka.robot_status import (
-    ERROR_CANCELLED,
     ERROR_NO_FURNITURE,
-    ERROR_NO_MANUAL_CONTROL,
     ERROR_NOT_A_VELOCITY,
     ERROR_NOTHING_TO_DO,
     ERROR_OUT_OF_RANGE,
-    ERROR_PAUSED,
     ERROR_UNKNOWN_NAME,
-    SUCCESS,
 )
 from optional_libraries import MISSING, optional_imports
 import pytest
@@ -40,8 +36,6 @@ pytestmark = pytest.mark.needs('grpc', 'kachaka_api')
 
 FORWARD = pb2.Command(
     move_forward_command=pb2.MoveForwardCommand(distance_meter=0.5, speed=0.1))
-TURN = pb2.Command(rotate_in_place_command=pb2.RotateInPlaceCommand(angle_radian=-1.0))
-LOCK = pb2.Command(lock_command=pb2.LockCommand(duration_sec=30.0))
 
 
 @pytest.fixture
@@ -89,67 +83,6 @@ def test_a_command_is_reported_from_its_begin_to_its_end(robot):
     history = robot.get('GetHistoryList').histories
     assert [(item.id, item.success, item.command_executed_time) for item in history] == [
         (started.command_id, True, 1000)]
-
-
-def test_cancelling_stops_at_once(robot):
-    """It is the result of the command."""
-    start(robot, FORWARD)
-    robot.pass_time(1.0)
-    answer = robot.call('CancelCommand')
-    assert (answer.result.success, answer.command) == (True, FORWARD)
-    robot.pass_time(9.0)
-    assert robot.x() == pytest.approx(0.1, abs=1e-9)
-    assert robot.get('GetLastCommandResult').result.error_code == ERROR_CANCELLED
-
-
-def test_a_command_ends_the_others_or_waits_for_them(robot):
-    """As ``cancel_all`` says."""
-    start(robot, FORWARD, cancel_all=True)
-    robot.pass_time(1.0)
-    start(robot, TURN, cancel_all=True)
-    start(robot, FORWARD)
-    robot.pass_time(20.0)
-    codes = [item.error_code for item in robot.get('GetHistoryList').histories]
-    assert codes == [ERROR_CANCELLED, SUCCESS, SUCCESS]
-    pose = robot.get('GetRobotPose').pose
-    assert (pose.x, pose.theta) == (pytest.approx(0.1 + 0.5 * math.cos(1.0)), pytest.approx(-1.0))
-
-
-def test_a_lock_ends_on_request(robot):
-    """The next command begins."""
-    start(robot, LOCK)
-    start(robot, FORWARD)
-    robot.pass_time(5.0)
-    assert robot.get('GetCommandState').command == LOCK
-    assert robot.call('Proceed').result.success
-    assert robot.get('GetCommandState').command == FORWARD
-
-
-def test_a_command_may_end_in_a_lock(robot):
-    start(robot, FORWARD, lock_on_end=pb2.LockOnEnd(duration_sec=10.0))
-    robot.pass_time(10.0)
-    assert robot.get('GetCommandState').state == pb2.COMMAND_STATE_RUNNING
-    robot.pass_time(6.0)
-    assert robot.get('GetCommandState').state == pb2.COMMAND_STATE_PENDING
-
-
-@pytest.mark.parametrize('duration', [-1.0, math.nan, math.inf])
-def test_a_lock_at_the_end_has_the_same_bounds_as_any(robot, duration):
-    """One of NaN seconds would never let the robot's time pass."""
-    answer = start(robot, FORWARD, lock_on_end=pb2.LockOnEnd(duration_sec=duration))
-    assert (answer.result.success, answer.result.error_code) == (False, ERROR_OUT_OF_RANGE)
-    robot.pass_time(10.0)
-
-
-def test_commands_and_manual_control_end_each_other(robot):
-    """The last one has the robot."""
-    robot.enable()
-    start(robot, FORWARD)
-    assert robot.get('GetManualControlEnabled').enabled is False
-    assert robot.velocity(1.0).error_code == ERROR_NO_MANUAL_CONTROL
-    robot.enable()
-    assert robot.get('GetCommandState').state == pb2.COMMAND_STATE_PENDING
-    assert robot.velocity(1.0).success
 
 
 def test_home_is_the_dock(robot):
@@ -218,34 +151,3 @@ def test_impossible_commands_are_refused_and_change_nothing(robot, command, code
     assert (answer.result.success, answer.result.error_code, answer.command_id) == (
         False, code, '')
     assert robot.get('GetCommandState').command_id == running
-
-
-def test_a_paused_robot_takes_no_command_that_moves_it(robot):
-    start(robot, FORWARD)
-    robot.call('SetEmergencyStop')
-    assert robot.get('GetLastCommandResult').result.error_code == ERROR_PAUSED
-    assert start(robot, TURN).result.error_code == ERROR_PAUSED
-    assert start(robot, LOCK).result.success
-
-
-@pytest.mark.parametrize(('call', 'request_', 'code'), [
-    ('SetSpeakerVolume', pb2.SetSpeakerVolumeRequest(volume=11), ERROR_OUT_OF_RANGE),
-    ('SetSpeakerVolume', pb2.SetSpeakerVolumeRequest(volume=10), SUCCESS),
-    ('SetFrontTorchIntensity', pb2.SetFrontTorchIntensityRequest(intensity=256),
-     ERROR_OUT_OF_RANGE),
-    ('SetBackTorchIntensity', pb2.SetBackTorchIntensityRequest(intensity=255), SUCCESS),
-    ('ResetShelfPose', pb2.ResetShelfPoseRequest(), SUCCESS),
-    ('ResetShelfPose', pb2.ResetShelfPoseRequest(shelf_id='S01'), ERROR_UNKNOWN_NAME),
-    ('StartShortcutCommand', pb2.StartShortcutCommandRequest(target_shortcut_id='1'),
-     ERROR_UNKNOWN_NAME)])
-def test_settings_have_their_ranges(robot, call, request_, code):
-    assert robot.call(call, request_).result.error_code == code
-
-
-def test_settings_are_stored_and_reported(robot):
-    """To long polls."""
-    volume = robot.later('GetSpeakerVolume', robot.get('GetSpeakerVolume').metadata.cursor)
-    homing = robot.later('GetAutoHomingEnabled', robot.get('GetAutoHomingEnabled').metadata.cursor)
-    robot.call('SetSpeakerVolume', pb2.SetSpeakerVolumeRequest(volume=7))
-    robot.call('SetAutoHomingEnabled', pb2.SetAutoHomingEnabledRequest(enable=True))
-    assert (volume.result().volume, homing.result().enabled) == (7, True)

@@ -17,8 +17,6 @@ from __future__ import annotations
 
 import math
 
-from hypothesis import given
-from hypothesis import strategies as st
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 from optional_libraries import optional_imports
 import pytest
@@ -27,9 +25,6 @@ with optional_imports():
     from kachaka_simple_control.kachaka.simulator.grpc_state import MapToOdom
 
 pytestmark = pytest.mark.needs('kachaka_api')
-
-POSES = st.builds(
-    Pose, st.floats(-10.0, 10.0), st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
 
 
 def figures(pose):
@@ -50,12 +45,3 @@ def test_a_correction_turns_and_shifts_odometry():
     transform.correct(Pose(2.0, 1.0, math.pi / 2.0), Pose(1.0))
     assert figures(transform.offset) == pytest.approx((2.0, 0.0, math.pi / 2.0))
     assert figures(transform.to_map(Pose(1.5))) == pytest.approx((2.0, 1.5, math.pi / 2.0))
-
-
-@given(POSES, POSES, POSES)
-def test_both_directions_undo_each_other_and_the_correction_holds(on_map, in_odometry, pose):
-    transform = MapToOdom()
-    transform.correct(on_map, in_odometry)
-    assert figures(transform.to_map(in_odometry)) == pytest.approx(figures(on_map), abs=1e-9)
-    assert figures(transform.to_odometry(transform.to_map(pose))) == pytest.approx(
-        figures(pose), abs=1e-9)

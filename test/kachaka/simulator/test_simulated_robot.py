@@ -47,12 +47,6 @@ def test_velocity_lasts_for_the_command_timeout(robot):
     assert robot.state(50.0)[0].x == pytest.approx(0.03, abs=1e-12)
 
 
-def test_command_timeout_needs_no_query(robot):
-    """After 10 s without a query, the robot has moved 3 cm."""
-    robot.set_robot_velocity(SLOW, 0.0, 1.0)
-    assert robot.state(11.0)[0].x == pytest.approx(0.03, abs=1e-12)
-
-
 def test_each_command_restarts_the_command_timeout(robot):
     """Ten commands at 10 Hz: 0.9 s between them and one command timeout."""
     for tick in range(10):
@@ -65,14 +59,6 @@ def test_command_after_the_timeout_does_not_fill_the_gap(robot):
     robot.set_robot_velocity(SLOW, 0.0, 1.0)
     robot.set_robot_velocity(SLOW, 0.0, 1.5)
     assert robot.state(9.0)[0].x == pytest.approx(0.06, abs=1e-12)
-
-
-def test_manual_control_is_off_at_the_start():
-    """Error 13151, and the robot stays where it is."""
-    robot = SimulatedKachaka()
-    assert robot.manual_control(0.0) is False
-    assert robot.set_robot_velocity(SLOW, 1.0, 0.0) == ERROR_NO_MANUAL_CONTROL == 13151
-    assert robot.state(1.0) == (ORIGIN, ZERO)
 
 
 def test_manual_control_goes_off_after_60_s_and_stops_the_robot(robot):
@@ -108,12 +94,6 @@ def test_disabling_stops_at_once(robot):
     assert robot.set_robot_velocity(SLOW, 0.0, 2.0) == ERROR_NO_MANUAL_CONTROL
     robot.set_manual_control(True, 2.1)
     assert robot.state(2.2)[1] == ZERO
-
-
-def test_disabling_twice_is_harmless():
-    """As is disabling what was never on."""
-    robot = SimulatedKachaka()
-    assert [robot.set_manual_control(False, time) for time in (0.0, 1.0)] == [SUCCESS, SUCCESS]
 
 
 @pytest.mark.parametrize(('linear', 'angular', 'velocity'), [
@@ -157,25 +137,6 @@ def test_enabling_on_the_dock_undocks():
     assert (pose.x, pose.y, pose.theta) == (pytest.approx(0.3, abs=1e-12), 0.0, 0.0)
     robot.set_robot_velocity(0.0, 1.0, 5.0)
     assert robot.state(5.1)[1] == Velocity(0.0, 1.57)
-
-
-def test_undocking_happens_once(robot):
-    """Off the dock, enabling does not move the robot; disabling does not stop undocking."""
-    assert robot.state(3.0)[0] == ORIGIN
-    docked = SimulatedKachaka(docked=True)
-    docked.set_manual_control(True, 0.0)
-    docked.set_manual_control(False, 0.5)
-    docked.set_manual_control(True, 10.0)
-    assert docked.state(20.0)[0].x == pytest.approx(0.2, abs=1e-12)
-
-
-def test_time_does_not_run_backwards(robot):
-    """Two threads may read the clock in one order and call in the other."""
-    robot.set_robot_velocity(SLOW, 0.0, 1.0)
-    after = robot.state(1.2)
-    assert robot.state(1.1) == after
-    robot.set_robot_velocity(0.0, 0.0, 1.1)
-    assert robot.state(9.0)[0] == after[0]
 
 
 def test_odometry_of_an_ideal_robot_is_true(robot):

@@ -30,21 +30,14 @@ from kachaka_simple_control.kachaka.robot_status import (
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.kachaka.simulator.tasks import (
-    ActionController,
     drive_straight,
     plan_to_pose,
     StandStill,
     Task,
     turn_in_place,
 )
-from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity, ZERO
+from kachaka_simple_control.motion.geometry import ORIGIN, Pose, ZERO
 import pytest
-
-#: A robot with errors in every part of its drive.
-ROUGH = st.builds(
-    SimulationParameters, lag=st.floats(0.0, 0.3), linear_gain=st.floats(0.9, 1.1),
-    angular_gain=st.floats(0.9, 1.1), linear_acceleration=st.floats(0.2, 5.0),
-    angular_acceleration=st.floats(1.0, 20.0), velocity_noise=st.floats(0.0, 0.03))
 
 
 def send(robot, *actions, now=0.0, name='task', drop_others=True, ends_docked=False):
@@ -81,19 +74,6 @@ def test_a_task_ends_at_its_goal(action, pose):
     assert results(robot, 20.0) == [('task', SUCCESS)]
 
 
-@settings(max_examples=10)
-@given(parameters=ROUGH, distance=st.floats(-1.0, 1.0), angle=st.floats(-4.0, 4.0))
-def test_a_robot_with_imperfect_drive_arrives(parameters, distance, angle):
-    """Within 1 mm and 1 mrad, by closed-loop control."""
-    robot = SimulatedKachaka(parameters=parameters)
-    send(robot, turn_in_place(angle), drive_straight(distance))
-    pose, velocity = robot.state(90.0)
-    assert results(robot, 90.0) == [('task', SUCCESS)]
-    assert math.hypot(pose.x, pose.y) == pytest.approx(abs(distance), abs=1e-3)
-    assert pose.theta == pytest.approx(angle, abs=1e-3)
-    assert velocity == ZERO
-
-
 @pytest.mark.parametrize('lag', [0.1, 0.3])
 def test_a_robot_with_lag_does_not_overshoot(lag):
     """It arrives within 10 s."""
@@ -101,15 +81,6 @@ def test_a_robot_with_lag_does_not_overshoot(lag):
     send(robot, drive_straight(0.3))
     assert max(robot.state(0.01 * tick)[0].x for tick in range(1000)) < 0.3 + 1e-3
     assert results(robot, 10.0) == [('task', SUCCESS)]
-
-
-def test_a_robot_that_drives_past_its_goal_has_not_arrived():
-    """Unless it can stop at once."""
-    for parameters, is_there in (
-            (SimulationParameters(lag=0.1), False), (SimulationParameters(), True)):
-        controller = ActionController(drive_straight(1.0), ORIGIN, 0.0, parameters)
-        assert (controller.step(Pose(1.0), Velocity(0.2), 1.0) is True) == is_there
-        assert controller.step(Pose(1.0), ZERO, 1.0) is True
 
 
 @settings(max_examples=25)
@@ -135,19 +106,6 @@ def test_with_wrong_odometry_it_arrives_by_odometry(error):
     assert results(robot, 60.0) == [('task', SUCCESS)]
     assert (pose.x, pose.y, pose.theta) == pytest.approx((0.5, 0.4, 2.0), abs=2e-4)
     assert robot.state(60.0)[0] != pose
-
-
-def test_queries_change_nothing():
-    """To the last bit, also with noise."""
-    parameters = SimulationParameters(lag=0.1, velocity_noise=0.02, linear_gain=1.05)
-    poses = []
-    for questions in (1, 500):
-        robot = SimulatedKachaka(parameters=parameters, seed=5)
-        send(robot, drive_straight(0.5), turn_in_place(1.0))
-        for question in range(questions):
-            robot.state(4.0 * (question + 1) / questions)
-        poses.append(robot.state(4.0))
-    assert poses[0] == poses[1]
 
 
 def test_a_robot_that_cannot_reach_its_goal_fails_and_stops():
@@ -194,15 +152,6 @@ def test_a_standstill_that_may_be_ended_can_be_ended():
     assert results(robot, 7.0)[-1] == ('task', SUCCESS)
 
 
-def test_a_standstill_ends_by_itself():
-    """At its time."""
-    robot = SimulatedKachaka()
-    send(robot, StandStill(30.0, can_be_ended=True))
-    assert robot.next_change(1.0) == 30.0
-    assert robot.task(29.9) is not None
-    assert robot.task(30.0) is None
-
-
 def test_tasks_and_manual_control_end_each_other():
     """The last one has the robot."""
     robot = SimulatedKachaka()
@@ -229,15 +178,6 @@ def test_on_the_dock_a_task_that_moves_undocks_first():
     assert (pose.x, pose.theta) == (pytest.approx(0.2), pytest.approx(1.0))
 
 
-def test_a_task_waits_for_undocking():
-    """Manual control began it; it is completed."""
-    robot = SimulatedKachaka(docked=True)
-    robot.set_manual_control(True, 0.0)
-    send(robot, drive_straight(0.1, 0.1), now=0.5)
-    assert robot.state(1.99)[0].x == pytest.approx(0.199)
-    assert robot.state(9.0)[0].x == pytest.approx(0.3)
-
-
 @pytest.mark.parametrize('docked', [True, False])
 def test_the_robot_docks_from_any_pose(docked):
     """Backwards onto its dock; a docked robot needs no actions."""
@@ -251,15 +191,6 @@ def test_the_robot_docks_from_any_pose(docked):
     assert math.cos(pose.theta) == pytest.approx(1.0)
     assert velocity == ZERO
     assert robot.actions_to_dock(60.0) == ()
-
-
-def test_a_cancelled_return_does_not_end_docked():
-    """Nor does one that another task ends."""
-    robot = SimulatedKachaka()
-    send(robot, drive_straight(0.5))
-    send(robot, *robot.actions_to_dock(9.0), now=9.0, ends_docked=True)
-    robot.cancel_tasks(10.0)
-    assert robot.is_docked(60.0) is False
 
 
 @pytest.mark.parametrize('docked', [True, False])
