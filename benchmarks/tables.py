@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import Any, TypeVar
 
@@ -125,8 +125,11 @@ def _timing(found: Sequence[Figure], entries: list[dict[str, Any]]) -> Iterator[
             ("CPU a command: the loop's own thread / the whole process [us]",
              ('CPU a command, the loop,', 'CPU a command, the process,')),
             ('CPU a command: helper processes [us]', ('CPU a command, its helpers,',)),
-            ('Movements given up, because the program was held up', ('movements given up',))):
-        yield _by_rate(title, parts, found, entries)
+            ('Movements ended early, because the program was held up', ('movements given up',))):
+        table = _by_rate(title, parts, found, entries)
+        # A loop without helpers, or that ended no movement early, has only zeros.
+        if rows := tuple(row for row in table.rows if set(row[1:]) != {'0'}):
+            yield replace(table, rows=rows)
 
 
 def _by_rate(

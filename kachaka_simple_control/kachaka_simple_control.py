@@ -65,7 +65,7 @@ from kachaka_simple_control.ros.startup import check_node_names, ensure_started,
 from kachaka_simple_control.ros.velocity_publisher import taken_type, VelocityPublisher
 from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.telemetry.event_bus import EventBus
-from kachaka_simple_control.telemetry.subscriber_process import EventFile
+from kachaka_simple_control.telemetry.event_file import EventFile
 from kachaka_simple_control.text import escaped, pluralize, quoted
 import rclpy
 from rclpy.node import Node
@@ -175,7 +175,7 @@ class KachakaSimpleControl(Node):
             self.session.require_robot(self._simulation.require_participant)
         self._event_file = EventFile() if self.node_parameters.summary else None
         if self._event_file is not None:
-            self.event_bus.subscribe(self._event_file.send, self._event_file.fail)
+            self.event_bus.subscribe(self._event_file.send)
         self._introspection.attach(self.event_bus, self.session.status_reader)
         self.session.speed_factor.on_change = self._on_speed_factor
         self.commander = Commander(self, self.session, self.node_parameters.speed_factor)

@@ -23,6 +23,8 @@ from typing import Any
 from benchmarks.tables import number, Table, trial_table
 from kachaka_simple_control.analysis.message_timing import median
 
+#: The longest message in the table [characters].
+MAX_SHOWN = 60
 HEAD = (
     'what happens', 'who stops it', 'times', 'to the first zero [ms], median / worst',
     'zeros, least', 'motion after', 'driven [m], worst', 'exit code', 'it says')
@@ -40,7 +42,15 @@ def row(expectation: Expectation, trials: Sequence[Trial]) -> tuple[str, ...]:
         expectation.what, expectation.who, str(len(trials)), _times(expectation, trials),
         str(min(trial.zeros for trial in trials)), str(sum(trial.late for trial in trials)),
         _worst([trial.metres for trial in trials], lambda metres: f'{metres:.3f}'),
-        _codes(trials), trials[0].message.replace('|', '/') or '-')
+        _codes(trials), _shown(trials[0].message))
+
+
+def _shown(message: str) -> str:
+    """Return the start of a message; its whole is in the results."""
+    text = message.replace('|', '/')
+    if len(text) > MAX_SHOWN:
+        text = text[:MAX_SHOWN].rsplit(' ', 1)[0].removesuffix(' ...') + ' ...'
+    return text or '-'
 
 
 def _times(expectation: Expectation, trials: Sequence[Trial]) -> str:

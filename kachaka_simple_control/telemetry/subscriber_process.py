@@ -19,12 +19,10 @@ from collections.abc import Iterator, Sequence
 import contextlib
 from dataclasses import dataclass
 import fcntl
-import io
 import os
 import pickle
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from typing import Any, BinaryIO, IO
@@ -38,7 +36,6 @@ from kachaka_simple_control.control.events import (
 )
 from kachaka_simple_control.control.output import has_room
 from kachaka_simple_control.control.signals import signal_dispatcher
-from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.telemetry.event_bus import EventBus
 
 #: The largest write that a pipe accepts either completely or not at all [bytes].  On Linux this is
@@ -254,39 +251,3 @@ class SubscriberProcesses:
                 with contextlib.suppress(OSError):  # the terminal may be closed
                     print('kachaka_simple_control: what was shown or reported ends early: '
                           f'{subscriber.failure}', file=sys.stderr, flush=True)
-
-
-#: A program that copies standard input to standard output; it imports no module of this package.
-COPY = """
-import os
-while data := os.read(0, 1 << 16):
-    while data:
-        data = data[os.write(1, data):]
-"""
-#: How long the copy process may take to write all sent data to the file [s].
-WRITE_TIMEOUT = 5.0
-
-
-class EventFile(SubscriberProcess):
-    """
-    Stores the events of a drive in an unnamed temporary file, which another process writes.
-
-    In memory, Python's garbage collector would search them in motion, and delay velocities.
-    """
-
-    def __init__(self) -> None:
-        # After a drive of 38 s at 200 Hz, one search of the garbage collector took 58 ms
-        # (measured), if the events were kept in memory.
-        self._file = tempfile.TemporaryFile()  # noqa: SIM115 (open as long as the object)
-        super().__init__([sys.executable, '-I', '-S', '-c', COPY], stdout=self._file)
-
-    def close(self, timeout: float = WRITE_TIMEOUT) -> int | None:
-        """Wait until all events are in the file; return the writer's exit code, or None."""
-        return super().close(timeout)
-
-    def events(self) -> Iterator[Event]:
-        """Yield all events that were sent so far, in order, as read from the file."""
-        descriptor = self._file.fileno()
-        wait_until(lambda: os.fstat(descriptor).st_size >= self.sent_bytes, WRITE_TIMEOUT)
-        # Read with ``pread``: the other process continues to write at the file position.
-        yield from decode(io.BytesIO(os.pread(descriptor, os.fstat(descriptor).st_size, 0)))

@@ -413,11 +413,13 @@ def test_a_destroyed_node_leaves_nothing_behind(listener, make):
     from kachaka_simple_control import KachakaSimpleControl
     from rclpy.parameter import Parameter
     make()  # the first node makes what belongs to the process
+    parameters = [Parameter('prime_time', value=0.1), Parameter('summary', value=True)]
     nodes, counts = [], []
     for _ in range(4):
-        node = KachakaSimpleControl(parameter_overrides=[Parameter('prime_time', value=0.1)])
+        node = KachakaSimpleControl(parameter_overrides=parameters)
         node.move_robot(0.1, 0.0, 0.1)
         node.destroy_node()
+        assert len(node.drive_log.steps) == 1
         counts.append(sum(1 for _ in Path('/proc/self/fd').iterdir()))
         nodes.append(weakref.ref(node))
         del node
