@@ -21,7 +21,6 @@ import atexit
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 import os
-import signal
 import sys
 import time
 from typing import Any, TYPE_CHECKING
@@ -38,9 +37,6 @@ from kachaka_simple_control.control.output import discard_unread, make_log_nonbl
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import DISCOVERY_TIMEOUT, MAX_LATENESS, rate_problem
 from kachaka_simple_control.errors import (
-    MotionRefusedError,
-    MotionRunningError,
-    MotionStoppedError,
     RobotMovedError,
     RunFaultError,
     UsageError,
@@ -54,13 +50,14 @@ from kachaka_simple_control.motion.steps import Motion, Move, Step
 from kachaka_simple_control.motion.units import require_number
 from kachaka_simple_control.ros.commander import Commander
 from kachaka_simple_control.ros.dds_transport import start_on_this_machine, use_udp_transport
-from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
+from kachaka_simple_control.ros.executors import before_shutdown
 from kachaka_simple_control.ros.introspection import IntrospectionPublishers
 from kachaka_simple_control.ros.names import INTROSPECTION_TOPICS, names_of
 from kachaka_simple_control.ros.node_parameters import require_no_parameter
 from kachaka_simple_control.ros.odometry import subscribe_to_odometry
 from kachaka_simple_control.ros.parameters import declare_parameters, warn_of_unknown
 from kachaka_simple_control.ros.session import Session
+from kachaka_simple_control.ros.signal_handler import NodeSignalHandler
 from kachaka_simple_control.ros.startup import check_node_names, ensure_started, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import taken_type, VelocityPublisher
 from kachaka_simple_control.run_command import run_command
@@ -179,7 +176,7 @@ class KachakaSimpleControl(Node):
         self._introspection.attach(self.event_bus, self.session.status_reader)
         self.session.speed_factor.on_change = self._on_speed_factor
         self.commander = Commander(self, self.session, self.node_parameters.speed_factor)
-        self._signal_handler = _SignalHandler(self)
+        self._signal_handler = NodeSignalHandler(self, self.session)
         self._stop_on_every_exit()
 
     def _take_type_of_robot(self) -> None:
@@ -346,11 +343,7 @@ class KachakaSimpleControl(Node):
 
     @property
     def drive_log(self) -> DriveLog:
-        """
-        Return a log of the motions, velocities and odometry of all drives of this node so far.
-
-        The log is empty if the parameter ``summary`` is not set.
-        """
+        """Return the log of all drives so far; empty without the parameter ``summary``."""
         log = DriveLog()
         if self._event_file is not None:
             self.event_bus.flush()
@@ -420,11 +413,7 @@ class KachakaSimpleControl(Node):
         atexit.register(self._close_at_exit)
 
     def _release(self) -> None:
-        """
-        Stop and release the robots of all nodes that have the same ROS context as this node.
-
-        This is called before the context shuts down.
-        """
+        """Stop and release the robots of all nodes of this context, before it shuts down."""
         _sessions.close_all(self.context)
         self.session.close()
         self.event_bus.flush()
@@ -438,55 +427,13 @@ class KachakaSimpleControl(Node):
             print(f'{NAME}: {escaped(error)}', file=sys.stderr)
 
     def _close(self) -> None:
-        """
-        Stop and release the robot, save the last events, and end the simulated robot, if any.
-
-        A second call has no effect.
-        """
+        """Stop and release the robot, and end the simulated robot, if any; once."""
         self.session.close()
         self.event_bus.close()
         if self._event_file is not None:
             self._event_file.close()
         if self._simulation is not None:
             self._simulation.end(self.drive_log, self.stop_confirmed_after)
-
-
-class _SignalHandler:
-    """Stops the robot of a node when a signal or an exception ends the program."""
-
-    def __init__(self, node: KachakaSimpleControl) -> None:
-        self._node = node
-        self._guard_condition = node.create_guard_condition(lambda: None)
-
-    def on_signal(self, signum: int) -> None:
-        """Stop the robot at once, and refuse all later motions; called in a separate thread."""
-        name = signal.Signals(signum).name
-        self._node.session.stop_permanently(MotionStoppedError(f'stopped by {name}'))
-
-    def wake(self) -> None:
-        """
-        Wake the main thread if it waits in an executor of rclpy.
-
-        Python runs its signal handlers only in the main thread, and only if that thread does not
-        wait in C++ code.
-        """
-        self._guard_condition.trigger()
-        wake_main_thread()
-
-    def uncaught(self, error: BaseException) -> None:
-        """
-        Stop the robot after an uncaught exception, and refuse all later motions.
-
-        The robot must be stopped, because another thread can still be driving it.  After a
-        ``MotionRunningError``, the robot is not stopped: this error means that a motion of another
-        thread must continue.
-        """
-        if isinstance(error, MotionRunningError):
-            return
-        if isinstance(error, KeyboardInterrupt):
-            self._node.get_logger().info('Program was interrupted')
-        self._node.session.stop_permanently(
-            MotionRefusedError(f'the program ended by {error!r}'))
 
 
 def _discard_if_stopped() -> None:

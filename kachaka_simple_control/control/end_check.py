@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
@@ -54,6 +55,12 @@ class EndTolerance:
     def __str__(self) -> str:
         """Return the tolerance as text, as in ``2 cm or 3 deg``."""
         return f'{self.distance * 100.0:g} cm or {math.degrees(self.angle):g} deg'
+
+
+#: The problem of an end that could not be measured.
+UNSEEN = (
+    'the end cannot be compared with the plan, for odometry does not show the robot at rest; '
+    'leave out within, or see that odometry arrives')
 
 
 class EndCheck:
@@ -110,3 +117,35 @@ def describe_end(error: Displacement, tolerance: EndTolerance) -> str | None:
         f'the robot came to rest {error.distance * 100.0:.1f} cm and '
         f'{abs(math.degrees(error.angle)):.1f} deg from the planned end, by odometry, more than '
         f'{tolerance}')
+
+
+class EndJudge:
+    """
+    Says of a robot that was stopped whether it rests near enough to the planned end.
+
+    :param within: the tolerance, as text; a drive that misses it fails.  Empty: it only warns
+    :param is_still: whether odometry shows the robot at rest
+    """
+
+    def __init__(
+            self, check: EndCheck, within: str, is_still: Callable[[], bool],
+            warn: Callable[[str], object]) -> None:
+        self._check, self._is_still, self._warn = check, is_still, warn
+        self._within = EndTolerance.parse(within) if within else None
+        #: why the last end is not within the tolerance
+        self.problem: str | None = None
+
+    @property
+    def is_strict(self) -> bool:
+        """Return whether an end outside of the tolerance is a fault."""
+        return self._within is not None
+
+    def on_stopped(self) -> None:
+        """Judge the end; called when the stop is complete."""
+        error = self._check.at_rest()
+        if error is None or not self._is_still():
+            return
+        self.problem = describe_end(error, self._within or EndTolerance())
+        if self.problem is not None and not self.is_strict:
+            self._warn(f'{self.problem}; --report shows where it left the plan, and --within lets '
+                       'such a drive fail')

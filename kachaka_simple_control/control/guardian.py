@@ -46,11 +46,7 @@ ADD_TIMEOUT = 5.0
 
 
 class SharedByte:
-    """
-    A byte in memory that two processes can share; reads and writes are atomic.
-
-    :param memory: one writable byte, 0 at the start; None for memory of this process
-    """
+    """A byte that two processes can share, 0 at the start; None: of this process."""
 
     def __init__(self, memory: bytearray | memoryview | None = None) -> None:
         self._memory = bytearray(1) if memory is None else memory
@@ -82,11 +78,7 @@ class Latch(SharedByte):
         super().__init__(bytearray(self.SIZE) if memory is None else memory)
 
     def trip(self, stop_time: float = 0.0) -> None:
-        """
-        Set the latch.
-
-        :param stop_time: when the guardian began to stop the robot [s]; 0 if the node stops it
-        """
+        """Set the latch; ``stop_time``: when the guardian began to stop the robot [s], or 0."""
         if stop_time:
             # Write the time before the byte: a reader that sees the byte set reads a valid time.
             struct.pack_into('d', self._memory, 1, stop_time)
@@ -102,11 +94,7 @@ class Latch(SharedByte):
 
 
 class SharedFlag(SharedByte):
-    """
-    A flag in memory that two processes can share; either can set it and clear it.
-
-    :param memory: one writable byte, 0 at the start; None for memory of this process
-    """
+    """A flag in memory that two processes can share, set and clear; None: of this process."""
 
     def set(self) -> None:  # noqa: A003
         """Set the flag, for all processes that share it."""
@@ -249,11 +237,7 @@ class Guardian:
 
     @property
     def participants(self) -> set[bytes]:
-        """
-        Return the guardian's DDS participants.
-
-        It makes another node if one does not discover a robot in time.
-        """
+        """Return the guardian's DDS participants; if none is found in time, it joins once more."""
         return self._process.participants
 
     @property
@@ -267,22 +251,14 @@ class Guardian:
         return self._process.has_searched or self._process.has_ended
 
     def found_publishers(self, topic: str) -> set[bytes]:
-        """
-        Return the DDS participants of velocity publishers that the guardian's search has found.
-
-        It searches once, at its start.
-        """
+        """Return the participants of velocity publishers that the search at its start found."""
         # A copy: another thread may still add to the set.
         return {participant for participant, name in [*self._process.found_publishers]
                 if name == topic}
 
     @property
     def shared_memory(self) -> tuple[int, int] | None:
-        """
-        Return the descriptor of the shared memory, and the robot's slot; None without guardian.
-
-        Another process can read there when the guardian began to stop the robot.
-        """
+        """Return the descriptor of the shared memory, and the slot; None without guardian."""
         file = self._process.shared_file
         return None if file is None else (file, self.number)
 

@@ -25,7 +25,7 @@ import time
 from kachaka_simple_control import errors
 from kachaka_simple_control.control.drive_loop import DriveLoop, old_objects_frozen
 from kachaka_simple_control.control.drive_requests import DriveRequest, DriveRequests
-from kachaka_simple_control.control.end_check import describe_end, EndCheck, EndTolerance
+from kachaka_simple_control.control.end_check import EndCheck, EndJudge, UNSEEN
 from kachaka_simple_control.control.events import (
     Event,
     MotionEnded,
@@ -40,7 +40,7 @@ from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.stop import StopController
 from kachaka_simple_control.control.tick_scheduler import TickScheduler, VelocitySource
-from kachaka_simple_control.control.velocity_gate import GateState, Run, VelocityGate
+from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.geometry import Pose, Velocity
@@ -111,12 +111,11 @@ class Session:
         self._stopper = StopController(
             self.gate, profile.command_timeout, self._guardian, self._is_still_moving,
             publish=publish)
-        self._stopper.on_stopped = self._check_end
         self._end = EndCheck(profile.odometry_calibration)
-        #: how far from its plan a drive may end; None for a warning only
-        self._within = EndTolerance.parse(parameters.within) if parameters.within else None
-        #: why the end of the last drive is not within this
-        self._end_problem: str | None = None
+        self._judge = EndJudge(
+            self._end, parameters.within, lambda: bool(self.odometry.is_still(time.monotonic())),
+            node.get_logger().warning)
+        self._stopper.on_stopped = self._judge.on_stopped
         self._lease = LeaseRenewer(
             lambda: self._manual_control.request(True),
             profile.command_timeout)
@@ -159,9 +158,8 @@ class Session:
 
     def request(self, elsewhere: bool = False) -> DriveRequest:
         """
-        Request a drive, so that a stop can end it even before ``drive`` runs.
+        Request a drive (``elsewhere``: of another thread); a stop ends it before ``drive`` runs.
 
-        :param elsewhere: whether another thread will call ``drive``
         :raises ControlError: if another drive is under way, no motion may start any more, or the
             calling thread runs a callback of the node and so cannot drive
         """
@@ -179,7 +177,6 @@ class Session:
         """
         Plan a motion, drive the robot through it, and leave the robot at rest; return the plan.
 
-        :param request: the result of ``request``; None to request now
         :raises InvalidMotionError: if the robot cannot do the motion; the robot has not moved then
         :raises ControlError: if there is no control of the robot, or the drive ended early
         """
@@ -201,9 +198,7 @@ class Session:
         Send the velocities of a source until it has no more, and leave the robot at rest.
 
         :param period: the normal time between two velocities [s]
-        :param request: the result of ``request``; None to request now
-        :raises ControlError: if there is no control of the robot, or a fault or a stop ended the
-            drive
+        :raises ControlError: if there is no control of the robot, or the drive ended early
         """
         request = request or self.request()
         with self._accepted(request):
@@ -223,11 +218,7 @@ class Session:
     def _drive(
             self, source: VelocitySource, period: float, request: DriveRequest,
             begin_feedback: Callable[[], PoseFeedback | None]) -> None:
-        """
-        Get control of the robot, send the velocities of a source, and leave the robot at rest.
-
-        :param begin_feedback: starts the closed loop when the robot is taken; None without one
-        """
+        """Drive; ``begin_feedback`` starts the closed loop, if any, when the robot is taken."""
         try:
             self._prepare(request, begin_feedback, period)
             self._end.begin()
@@ -239,8 +230,10 @@ class Session:
             self._guardian.report_stopping()
             if (plan := self.robot_drive.progress.plan) is not None:
                 self._end.on_complete(plan.pose)
-            if plan is not None and self._within is not None:
-                self._require_end(run)
+            if plan is not None and self._judge.is_strict:
+                self._judge.problem = UNSEEN
+                if failure := self._stopper.stop(None, only=run) or self._judge.problem:
+                    raise errors.RunFaultError(failure)
             else:
                 self._stopper.stop_after_idle(run, within=period)
         except BaseException as error:
@@ -275,11 +268,7 @@ class Session:
                 f'Slower than planned: {self.speed_factor.describe()}')
 
     def _end_early(self, error: BaseException) -> BaseException:
-        """
-        Stop the robot after an error in a drive, and return the error that the drive has to raise.
-
-        :returns: a RunFaultError with the guardian's reason if the guardian has stopped the robot
-        """
+        """Stop the robot after an error in a drive; return the one to raise, or the guardian's."""
         self._connection.is_taken = False
         if (failure := self._stopper.stop(errors.control_error(error))) is not None:
             # The error of the drive is raised, and says nothing of it.
@@ -331,11 +320,7 @@ class Session:
         return self._stopper.is_stopping
 
     def stop_permanently(self, reason: errors.ControlError) -> None:
-        """
-        Stop the robot, and refuse every later motion of this node.
-
-        :param reason: the error that each later motion raises; only the first one counts
-        """
+        """Stop the robot; each later motion raises the reason, of which the first one counts."""
         self._stopped_by = self._stopped_by or reason
         self._stopped.set()
         self._guardian.latch.trip()
@@ -350,11 +335,7 @@ class Session:
 
     def on_odometry(
             self, now: float, pose: Pose, velocity: Velocity, is_new: bool = True) -> None:
-        """
-        Process one odometry message: for standstill, pauses, and the closed loop.
-
-        :param is_new: whether its time stamp is later than the one before, or it has none
-        """
+        """Process odometry; ``is_new``: its stamp is later than the last one, or it has none."""
         self.odometry.on_odometry(now, velocity)
         if self._feedback is not None and is_new:
             self._feedback.on_odometry(now, pose, is_moving=self.odometry.is_moving(now))
@@ -362,12 +343,7 @@ class Session:
         self._end.on_odometry(pose)
 
     def check_resume(self, even_if_moved: bool) -> None:
-        """
-        Check that a paused motion may continue; without one, that motions are allowed.
-
-        :param even_if_moved: whether it may continue from where somebody moved the robot to
-        :raises ControlError: if the motion may not continue
-        """
+        """Raise why a paused motion may not go on (or, without one, why nothing may move)."""
         self.require_not_stopped()
         if not self._requests.is_busy or not self._connection.is_taken:
             return
@@ -378,11 +354,7 @@ class Session:
             self._monitor.pause_pose.require_not_moved()
 
     def require_not_stopped(self) -> None:
-        """
-        Raise an error if nothing moves any more, so that a command has nothing to act on.
-
-        :raises ControlError: what has stopped the robot for good; ENDED after ``close``
-        """
+        """Raise what has stopped the robot for good, if anything; ENDED after ``close``."""
         if self._stopped_by is not None:
             raise self._stopped_by
         if self._guardian.stopped_because is not None:
@@ -411,11 +383,7 @@ class Session:
                 self._reader.stop()
 
     def serve_until_stopped(self) -> None:
-        """
-        Run the node's callbacks in a background thread, and wait for ``stop_permanently``.
-
-        :raises ControlError: always, at the end: why the robot was stopped for good
-        """
+        """Run callbacks in a background thread until ``stop_permanently``; raise its reason."""
         self._executor.ensure_spinning()
         # Do not serve them in this thread: if a signal interrupts rclpy while it creates a message
         # for a callback, a TypeError is raised, and the node's callbacks stay blocked.
@@ -423,11 +391,7 @@ class Session:
         self.require_not_stopped()
 
     def require_robot(self, participant: Callable[[], bytes | None]) -> None:
-        """
-        Accept only the robot with a DDS participant, such as that of a bridge which we started.
-
-        :param participant: returns it; None while it is not known
-        """
+        """Accept only the robot with a DDS participant; None while it is not known."""
         self._discovery.require_participant(participant)
 
     @property
@@ -457,11 +421,7 @@ class Session:
 
     @property
     def stop_confirmed_after(self) -> float | None:
-        """
-        Return the time from the start of the last stop until odometry showed rest [s].
-
-        :returns: None before the first stop, or if odometry does not show the robot at rest
-        """
+        """Return the time from the start of the last stop to rest by odometry [s], or None."""
         started, still = self._stopper.stop_started, self.odometry.still_since(time.monotonic())
         return None if started is None or still is None else max(0.0, still - started)
 
@@ -473,30 +433,6 @@ class Session:
             self._require_wanted)
         self._feedback.begin(plan, limits)
         return self._feedback
-
-    def _require_end(self, run: Run) -> None:
-        """
-        Stop the robot, and require that it rests as near to the planned end as ``within`` says.
-
-        :raises RunFaultError: if it does not, or odometry does not show that it rests
-        """
-        self._end_problem = (
-            'the end cannot be compared with the plan, for odometry does not show the robot at '
-            'rest; leave out within, or see that odometry arrives')
-        failure = self._stopper.stop(None, only=run) or self._end_problem
-        if failure is not None:
-            raise errors.RunFaultError(failure)
-
-    def _check_end(self) -> None:
-        """Warn if the robot, which was stopped just now, rests far from the planned end."""
-        error = self._end.at_rest()
-        if error is None or not self.odometry.is_still(time.monotonic()):
-            return
-        self._end_problem = describe_end(error, self._within or EndTolerance())
-        if self._end_problem is not None and self._within is None:
-            self._node.get_logger().warning(
-                f'{self._end_problem}; --report shows where it left the plan, and --within lets '
-                'such a drive fail')
 
     def _is_still_moving(self) -> bool:
         """Return whether odometry shows motion or is lost, and nobody else drives."""
@@ -513,11 +449,7 @@ class Session:
             self._log_once(failure)
 
     def _unconfirmed(self) -> str | None:
-        """
-        Return an error text if odometry still shows motion after a stop, else None.
-
-        None, too, if this node had no control of the robot, or another program drives it now.
-        """
+        """Return an error text if odometry still shows motion after a stop of ours, else None."""
         now = time.monotonic()
         # Before the gate is open, or while another program drives, motion is not our failure.
         is_ours = self.gate.state is GateState.OPEN and not self._foreign.has_recent(now)
@@ -546,11 +478,7 @@ class Session:
             f'another program drives the robot as well: {holder}; both stop'))
 
     def _end_run(self, reason: errors.ControlError) -> None:
-        """
-        End the drive under way, if there is one, and send one zero velocity at once.
-
-        The thread of ``drive`` sends the others, and raises the error.
-        """
+        """End the drive under way, if any, by one zero at once; its thread sends the others."""
         # Without a drive this program moves nothing, and it must not disturb another program.
         if not self._requests.is_busy:
             return
