@@ -13,10 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Draw the documentation's pictures of corners: ``draw_corners.py [DIRECTORY]``.
+Draw the documentation's picture of corners: ``draw_corners.py [DIRECTORY]``.
 
-They are ``corners.svg``, the paths of the library's square at several tolerances, and
-``square_corners.svg``, the plot of its plan at 5 cm.  The directory is docs/images by default.
+It is ``corners.svg``, the paths of the library's square at several tolerances.  The directory is
+docs/images by default.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.output_file import check_plot_file, save_figure
-from kachaka_simple_control.report.plan_plot import draw_path, save_plot
+from kachaka_simple_control.report.plan_plot import draw_path
 from kachaka_simple_control.report.plot_style import add_axes, draw_figure
 from kachaka_simple_control.text import format_fixed
 
@@ -50,10 +50,9 @@ SIZE, LEFT, BOTTOM, ABOVE, RIGHT = 2.45, 0.75, 0.5, 0.4, 0.1
 
 
 def main() -> None:
-    """Draw the pictures."""
+    """Draw the picture."""
     directory = Path(sys.argv[1]) if len(sys.argv) > 1 else IMAGES
     save_figure(draw_figure(_draw), check_plot_file(directory / 'corners.svg'))
-    save_plot(directory / 'square_corners.svg', [_view(0.05)])
 
 
 def _view(tolerance: float) -> PlanView:
