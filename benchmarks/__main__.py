@@ -25,7 +25,16 @@ from typing import Any
 
 from benchmarks import ROOT
 from benchmarks.figures import figures, judge
-from benchmarks.run import FULL, QUICK, RESULTS, save, Scale, today, write_measured
+from benchmarks.run import (
+    FULL,
+    measured_on,
+    QUICK,
+    RESULTS,
+    save,
+    Scale,
+    today,
+    write_measured,
+)
 from benchmarks.tables import Table, tables
 from program import restore_signals
 from ros_domain import isolate_ros
@@ -62,7 +71,7 @@ def measure(scale: Scale) -> dict[str, Any]:
 def write_page(shown: list[Table], run: dict[str, Any]) -> None:
     """Write the tables of a run to the documentation page."""
     counts = ', '.join(f'{count} at {rate} Hz' for rate, count in run['moves'].items())
-    head = f'Measured on {run["date"]}.  Movements of one second by each loop: {counts}.'
+    head = f'{measured_on(run)}  Movements of one second by each loop: {counts}.'
     measured = '\n'.join([head, '', *(table.markdown() for table in shown)])
     write_measured(PAGE, measured)
 

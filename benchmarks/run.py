@@ -30,7 +30,6 @@ class Scale:
     """
     The number of measurements of each kind.
 
-    :param moves: the number of 1 s movements of each loop, by rate [Hz]
     :param loaded: the number of 1 s movements of each loop on a loaded machine, by rate [Hz]
     """
 
@@ -74,6 +73,14 @@ END = '<!-- measured: end -->'
 def today() -> str:
     """Return today's date in UTC, for example ``2026-01-31``."""
     return f'{datetime.now(timezone.utc):%Y-%m-%d}'
+
+
+def measured_on(run: dict[str, Any]) -> str:
+    """Return the sentence that says when and where a run was measured."""
+    return f'Measured on {run["date"]}: ' + ', '.join(
+        value if name in ('processor', 'kernel', 'packages') else
+        f'{value} cores' if name == 'cores' else f'{name} {value}'
+        for name, value in run['machine'].items()) + '.'
 
 
 def save(run: dict[str, Any], name: str) -> Path:

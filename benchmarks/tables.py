@@ -79,7 +79,7 @@ def tables(run: dict[str, Any]) -> list[Table]:
         _thresholds(judge(found)), *_timing(found, run['timing']), _memory(found, run['timing']),
         _firsts(found), _starts(found), _signals(run),
         _planning(run.get('planning', [])), _flows(run.get('flows', [])),
-        _exactness(run.get('exactness', [])), _machine(run)]
+        _exactness(run.get('exactness', []))]
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -218,7 +218,3 @@ def _exactness(entries: list[dict[str, Any]]) -> Table:
 
 def _worst(entry: dict[str, Any]) -> str:
     return f'{1e3 * max(abs(entry[part] - entry["asked"]) for part in ("least", "most")):.2f}'
-
-
-def _machine(run: dict[str, Any]) -> Table:
-    return Table('Measured on', ('', ''), tuple(run['machine'].items()))

@@ -25,8 +25,7 @@ from typing import Any
 
 from benchmarks import ROOT
 from benchmarks.console_matrix.trial import find_violations, LOAD_FACTOR, matrix, Trial
-from benchmarks.run import RESULTS, today, write_measured
-from benchmarks.tables import Table
+from benchmarks.run import measured_on, RESULTS, today, write_measured
 import chromium
 from program import restore_signals
 from stall_observer import MAX_REPEATED, too_many
@@ -82,8 +81,7 @@ def measured(data: dict[str, Any]) -> str:
     from benchmarks.console_matrix.rows import ROWS
     trials = {what: [*map(Trial.from_json, row)] for what, row in data['rows'].items()}
     table = matrix([row.expectation for row in ROWS], trials)
-    machine = Table('Measured on', ('', ''), tuple(data['machine'].items()))
-    return '\n'.join([f'Measured on {data["date"]}.', '', table.markdown(), machine.markdown()])
+    return '\n'.join([measured_on(data), '', table.markdown()])
 
 
 def _parser() -> argparse.ArgumentParser:

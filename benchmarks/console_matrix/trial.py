@@ -101,9 +101,7 @@ class Trial:
         there was no zero. The last good command is the last motion of the hand that was passed on
         to the console before that zero and, if the console is the one at fault, before the fault.
         For a STOP the time begins at its send().
-    :param not_tried: why the fault could not be injected; empty if it was
     :param began: the last good command, or the STOP [s, system clock]; 0 without such a time
-    :param ended: the first zero [s, system clock]; 0 without such a time
     """
 
     zero: float | None = None

@@ -28,7 +28,7 @@ import time
 from typing import Any
 
 from benchmarks import ROOT
-from benchmarks.run import RESULTS, save, today, write_measured
+from benchmarks.run import measured_on, RESULTS, save, today, write_measured
 from benchmarks.stop_matrix.expectation import find_late_stops, find_violations, matrix, Trial
 from benchmarks.stop_matrix.network import unavailable_reason
 from benchmarks.stop_matrix.rows import CORE, ROWS
@@ -106,9 +106,7 @@ def violations(
 
 def write_page(table: Table, data: dict[str, Any]) -> None:
     """Write the table and the description of the machine to the page on safety."""
-    machine = Table('Measured on', ('', ''), tuple(data['machine'].items()))
-    head = f'Measured on {data["date"]}.'
-    text = '\n'.join([head, '', table.markdown(), machine.markdown()])
+    text = '\n'.join([measured_on(data), '', table.markdown()])
     write_measured(PAGE, text, BEGIN, END)
 
 

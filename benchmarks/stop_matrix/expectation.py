@@ -84,8 +84,6 @@ class Trial:
     :param zero: the time from the fault to the first zero [s]; None if no zero was received
     :param metres: the distance that the simulated robot drove after the fault [m]; None if unknown
     :param code: the exit code, as a shell shows it; None if the program did not end
-    :param began: the start of the measurement [s, steady clock]; 0 if unknown
-    :param ended: the end of the trial [s, steady clock]; 0 if unknown
     """
 
     zero: float | None
@@ -156,11 +154,7 @@ def find_violations(expectation: Expectation, trials: Sequence[Trial]) -> list[s
 
 def find_late_stops(
         expectation: Expectation, trials: Sequence[Trial], under_load: bool = False) -> list[str]:
-    """
-    Compare the worst time to the first zero with the limit.
-
-    :returns: one sentence if the limit was exceeded; empty otherwise
-    """
+    """Compare the worst time to the first zero with the limit."""
     times = [trial.zero for trial in trials if trial.zero is not None]
     if expectation.limit is None or not times:
         return []

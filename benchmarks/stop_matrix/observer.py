@@ -85,7 +85,6 @@ class RobotRecorder:
         """
         Wait for a velocity that meets a condition.
 
-        :param since: the velocity must be sent after this time [s, system clock]
         :returns: the first matching velocity; None after the timeout
         """
         return poll(lambda: next(filter(condition, self.sent_since(since)), None), timeout)

@@ -123,11 +123,7 @@ def check_refused(context: TrialContext, _fault: float) -> list[str]:
 
 
 def discover_second_program(context: TrialContext) -> float:
-    """
-    Start a second program, and let both programs receive each other's claims while both drive.
-
-    :returns: the time from which they can receive claims [s, system clock]
-    """
+    """Start a second program; both receive the claim of the other while both drive."""
     connected = context.program.folder / 'connected'
     context.second = context.start_program(
         SPEED=str(OTHER_VELOCITY), CONNECTED=str(connected))

@@ -72,7 +72,6 @@ def others(
 
     The nodes use ROS's default transports on this machine only.
 
-    :param longest: the time after which the nodes end by themselves [s]
     :param domain: their ROS domain; None for the domain of the environment
     """
     variables = {name: value for name, value in os.environ.items() if name not in CHOICES}

@@ -49,11 +49,7 @@ class SlowBridge(SimulatedBridge):
         super().drive(velocity, time.monotonic())
 
     def set_manual_control(self, enabled: bool) -> str:
-        """
-        Enable or disable manual control, after the duration of a call.
-
-        :returns: the reason why the robot refuses; empty if it accepts
-        """
+        """Enable or disable manual control, after the duration of a call."""
         time.sleep(self._duration)
         return super().set_manual_control(enabled)
 

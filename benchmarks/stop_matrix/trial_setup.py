@@ -75,11 +75,7 @@ BURST_GAP = 0.005
 
 @dataclass(frozen=True)
 class Row:
-    """
-    A row of the matrix: a fault, its injector, and the expected result.
-
-    :param inject: injects the fault, and returns its time [s, system clock]
-    """
+    """A row of the matrix: a fault, its injector, and the expected result."""
 
     expectation: Expectation
     inject: Callable[[TrialContext], float]
@@ -177,11 +173,7 @@ class TrialContext:
 
 
 def inject_fault(context: TrialContext, pause: Callable[[], float]) -> float:
-    """
-    Start the motion, inject the fault, and wait for the first zero if the row is exclusive.
-
-    :param pause: returns the time from the first velocity to the fault [s]
-    """
+    """Start the motion, inject the fault, and wait for the first zero if the row is exclusive."""
     context.start_motion()
     time.sleep(pause())
     row = context.row
