@@ -101,7 +101,6 @@ class Trial:
         there was no zero. The last good command is the last motion of the hand that was passed on
         to the console before that zero and, if the console is the one at fault, before the fault.
         For a STOP the time begins at its send().
-    :param began: the last good command, or the STOP [s, system clock]; 0 without such a time
     """
 
     zero: float | None = None

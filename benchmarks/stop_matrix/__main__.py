@@ -88,6 +88,19 @@ def merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
     return {**new, 'rows': {**old.get('rows', {}), **new['rows']}}
 
 
+def for_reference(data: dict[str, Any]) -> dict[str, Any]:
+    """Return what the page and its test need of the results: of equal messages, the first."""
+    def kept(trials: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        said = [trial.get('message') for trial in trials]
+        return [
+            {name: round(value, 7) if isinstance(value, float) else value
+             for name, value in trial.items()
+             if name not in ('began', 'ended') and value != []
+             and not (name == 'message' and value in said[:number])}
+            for number, trial in enumerate(trials)]
+    return {**data, 'rows': {what: kept(trials) for what, trials in data['rows'].items()}}
+
+
 def trials_of(data: dict[str, Any]) -> dict[str, list[Trial]]:
     """Return the trials of the results, by the name of the row."""
     return {what: [*map(Trial.from_json, trials)] for what, trials in data['rows'].items()}
@@ -147,7 +160,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
               'times as long, for the machine may be busy with other things.')
     elif not over_grpc and (not options.rows or options.merge):
         write_page(table, data)
-        REFERENCE.write_text(json.dumps(data) + '\n')
+        REFERENCE.write_text(json.dumps(for_reference(data), separators=(',', ':')) + '\n')
     found = violations(rows, trials, under_load=options.quick) + excess
     print('\n'.join(['Not kept:', *found]) if found else 'Every promise is kept')
     return 1 if found else 0

@@ -99,7 +99,7 @@ class Trial:
     @staticmethod
     def from_json(data: dict[str, Any]) -> Trial:
         """Create a trial from its fields, as converted by ``dataclasses.asdict`` and JSON."""
-        return Trial(**{**data, 'broken': tuple(data['broken'])})
+        return Trial(**{'message': '', **data, 'broken': tuple(data.get('broken', ()))})
 
 
 #: The number of zeros that a stop begins with.
@@ -128,7 +128,6 @@ class Expectation:
     """
     The expected result of all trials of a row.
 
-    :param codes: the correct exit codes; empty if the program does not end by itself
     :param limit: the longest time to the first zero [s]; None for no limit
     """
 

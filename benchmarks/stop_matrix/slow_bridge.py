@@ -31,11 +31,7 @@ from rclpy.signals import SignalHandlerOptions
 
 
 class SlowBridge(SimulatedBridge):
-    """
-    A slow bridge that executes one velocity after the other, like the official bridge.
-
-    :param log: the log file; each line has the time [s, system clock] and the velocity [m/s]
-    """
+    """A slow bridge that executes one velocity after the other, like the official bridge."""
 
     def __init__(self, namespace: str, log: Path, duration: float) -> None:
         super().__init__(SimulatedKachaka(time.monotonic()), namespace)
