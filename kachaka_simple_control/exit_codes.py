@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The exit codes of the commands, and an argument parser that uses them."""
+"""
+The exit codes of the commands, and an argument parser that uses them.
+
+Tested by test/test_run_command.py.
+"""
 
 from __future__ import annotations
 

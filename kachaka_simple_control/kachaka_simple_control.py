@@ -13,7 +13,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Define the node that drives a robot, and the lesson, an example with seven movements."""
+"""The node that drives a robot, and the lesson.  Tested by test/ros/test_session.py."""
 
 from __future__ import annotations
 

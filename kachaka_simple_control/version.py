@@ -15,6 +15,8 @@
 Look up the version of this package and the distribution of ROS.
 
 This is a separate module, because the import of ``importlib.metadata`` is slow.
+
+Tested by test/commands/test_cli.py.
 """
 
 from __future__ import annotations

@@ -167,3 +167,12 @@ def libraries(path: Path) -> set[str]:
     {name for name in CODE.findall(TEXT) if name.endswith('.py') and '/' in name}))
 def test_each_file_in_the_text_is_there(name):
     assert file_named(name).is_file()
+
+
+@pytest.mark.parametrize('path', sorted(
+    path for path in PACKAGE.rglob('*.py') if not path.stem.startswith('__')),
+    ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_a_module_has_a_test_file_of_its_name_or_says_which(path):
+    tests = {file.name: file for file in (ROOT / 'test').rglob('test_*.py')}
+    said = re.search(r'Tested by (\S+\.py)', ast.get_docstring(ast.parse(path.read_text())) or '')
+    assert f'test_{path.name}' in tests if said is None else (ROOT / said[1]).is_file()

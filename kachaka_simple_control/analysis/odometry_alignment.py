@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Compute three paths in one frame: as planned, from the sent velocities, and from odometry."""
+"""
+Compute three paths in one frame: as planned, from the sent velocities, and from odometry.
+
+Tested by test/analysis/test_summary.py.
+"""
 
 from __future__ import annotations
 

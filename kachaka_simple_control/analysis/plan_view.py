@@ -15,7 +15,7 @@
 A plan with its name, robot, limits and floor area, for tables and plots.
 
 Also what a simple loop would make of it, which publishes a velocity and then sleeps for at most
-one period.
+one period.  Tested by test/report/test_plan_plot.py.
 """
 
 from __future__ import annotations

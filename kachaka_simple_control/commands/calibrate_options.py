@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The command line options of ``kachaka_calibrate``, which calibrates a robot."""
+"""
+The command line options of ``kachaka_calibrate``, which calibrates a robot.
+
+Tested by test/commands/test_calibrate.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The command ``kachaka_simple_control``, which drives a motion or shows it without driving."""
+"""
+The command ``kachaka_simple_control``, which drives a motion or shows it without driving.
+
+Tested by test/commands/test_confirmation.py.
+"""
 
 from __future__ import annotations
 

@@ -15,6 +15,8 @@
 Let another program stop, pause, resume and slow down a drive, and report its state.
 
 Over two pipes, in the lines of ``console/protocol.py``.
+
+Tested by test/commands/test_remote_control.py.
 """
 
 from __future__ import annotations

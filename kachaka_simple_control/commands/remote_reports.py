@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Write the reports of a remotely controlled drive, one JSON object a line."""
+"""
+Write the reports of a remotely controlled drive, one JSON object a line.
+
+Tested by test/commands/test_remote_control.py.
+"""
 
 from __future__ import annotations
 

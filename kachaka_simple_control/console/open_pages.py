@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The open pages of a console: their rates, and the state that each has been sent."""
+"""
+The open pages of a console: their rates, and the state that each has been sent.
+
+Tested by test/console/test_server_security.py.
+"""
 
 from __future__ import annotations
 

@@ -24,6 +24,8 @@ A page message with an ``id`` gets exactly one ``answer`` with the same number, 
 with ``is_done`` false.  The page chooses the numbers, each once for a connection.  A message above
 the rate limit gets no answer.  A message that is invalid is answered by a ``log``, and nothing
 else happens.  ``take``, ``release``, ``run``, ``resume``, ``speed`` and ``record`` need the lease.
+
+Tested by test/console/test_protocol.py.
 """
 
 from __future__ import annotations

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Do for the pages what takes time: read and write files, and plan; each in a task of its own."""
+"""
+Do for the pages what takes time: read and write files, and plan; each in a task of its own.
+
+Tested by test/console/test_server.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The reports of the drives of a console: a folder for each drive process."""
+"""
+The reports of the drives of a console: a folder for each drive process.
+
+Tested by test/console/test_hub.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Exchange lines with a drive process that has started this console, and not the other way."""
+"""
+Exchange lines with a drive process that has started this console, and not the other way.
+
+Tested by test/commands/test_console_beside.py.
+"""
 
 from __future__ import annotations
 

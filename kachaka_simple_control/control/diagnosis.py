@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The diagnosis of one component: the contents of ``diagnostic_msgs``, without ROS."""
+"""
+The diagnosis of one component: the contents of ``diagnostic_msgs``, without ROS.
+
+Tested by test/ros/test_session_status.py.
+"""
 
 from __future__ import annotations
 

@@ -15,6 +15,8 @@
 The events of a drive, which tell logs, displays and other subscribers what happened.
 
 Subscribers receive them in order of time.  All times are on the steady clock [s].
+
+Tested by test/telemetry/test_event_bus.py.
 """
 
 from __future__ import annotations

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Make Ctrl+C end the process at once, without a traceback, while the program starts."""
+"""
+Make Ctrl+C end the process at once, without a traceback, while the program starts.
+
+Tested by test/test_entry_points.py.
+"""
 
 from __future__ import annotations
 

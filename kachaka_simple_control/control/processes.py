@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Start child processes, read the state of processes, set priorities, end a process that hangs."""
+"""
+Start child processes, read the state of processes, set priorities, end a process that hangs.
+
+Tested by test/kachaka/test_bridge_process.py.
+"""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ All periods and timeouts that are important for safety [s], each with its reason
 "Measured" means: in the benchmarks; see ``docs/safety.md`` and ``docs/benchmarks.md``.  "Maker"
 means: from the public repository pf-robotics/kachaka-api.  "Chosen" means: by the authors of this
 package.  The command timeout and the duration of manual control depend on the robot, and are in
-``files/robot_profile.py``.
+``files/robot_profile.py``.  Tested by test/control/test_robot_drive.py.
 """
 
 # --- Sending velocities -----------------------------------------------------------------------

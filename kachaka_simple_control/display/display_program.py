@@ -15,7 +15,7 @@
 The program that shows a running drive in the terminal, as a panel or as plain lines.
 
 A process of its own: drawing never holds the GIL of the driving program, and an error here does
-not end the drive.
+not end the drive.  Tested by test/display/test_display_process.py.
 """
 
 from __future__ import annotations

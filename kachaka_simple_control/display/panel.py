@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Draw the status of a drive as a panel of a few terminal lines, with the Python library rich."""
+"""
+Draw the status of a drive as a panel of a few terminal lines, with the Python library rich.
+
+Tested by test/display/test_drive_status.py.
+"""
 
 from __future__ import annotations
 

@@ -18,6 +18,8 @@ The lowest rows of the terminal are excluded from scrolling, so that the output 
 scrolls above them.  Each text for them must be written in one call.  Keys may be read in the
 foreground only, where the display process never is: the driving program reads them.  It imports
 this module, which must load quickly, without rich.
+
+Tested by test/display/test_display_process.py.
 """
 
 from __future__ import annotations

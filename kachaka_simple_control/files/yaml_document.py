@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Read YAML texts of limited size, and return their values with line numbers."""
+"""
+Read YAML texts of limited size, and return their values with line numbers.
+
+Tested by test/files/test_hostile_files.py.
+"""
 
 from __future__ import annotations
 

@@ -15,6 +15,8 @@
 The command ``kachaka_bridge``, which connects a real or simulated Kachaka to ROS 2.
 
 Topics and service have the names of the manufacturer's own bridge.
+
+Tested by test/kachaka/test_bridge_node.py.
 """
 
 from __future__ import annotations

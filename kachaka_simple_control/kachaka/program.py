@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Addresses, options of a simulated robot and exit codes for the commands of a Kachaka."""
+"""
+Addresses, options of a simulated robot and exit codes for the commands of a Kachaka.
+
+Tested by test/kachaka/grpc_client/test_addresses_and_errors.py.
+"""
 
 from __future__ import annotations
 

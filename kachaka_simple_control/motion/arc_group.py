@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Arcs on a smaller circle: the arcs of a flow as the robot drives them."""
+"""
+Arcs on a smaller circle: the arcs of a flow as the robot drives them.
+
+Tested by test/motion/test_transition.py.
+"""
 
 from __future__ import annotations
 

@@ -16,6 +16,8 @@ Plan a run of arcs within a flow: how much smaller each circle becomes, and the 
 
 A smaller circle leaves a wider gap to its neighbours, and a transition over a wider gap can be
 faster.  But it is also longer, so less is left of its neighbours to change the speed.
+
+Tested by test/motion/test_transition.py.
 """
 
 from __future__ import annotations

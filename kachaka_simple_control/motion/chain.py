@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Chains of arcs: the curved part of a flow, which is driven without a stop."""
+"""
+Chains of arcs: the curved part of a flow, which is driven without a stop.
+
+Tested by test/motion/test_transition.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Plan a corner between two straight legs: the heading turns while the robot goes on."""
+"""
+Plan a corner between two straight legs: the heading turns while the robot goes on.
+
+Tested by test/motion/test_flow.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What is to be driven: a motion with the limits and the rate of its plan."""
+"""
+What is to be driven: a motion with the limits and the rate of its plan.
+
+Tested by test/ros/test_session.py.
+"""
 
 from __future__ import annotations
 

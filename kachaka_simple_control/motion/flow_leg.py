@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The legs of a flow: lines and arcs that need not begin and end at rest."""
+"""
+The legs of a flow: lines and arcs that need not begin and end at rest.
+
+Tested by test/motion/test_flow.py.
+"""
 
 from __future__ import annotations
 

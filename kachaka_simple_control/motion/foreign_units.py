@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Convert inches, fractions, km/h and the like to the units that motion files take."""
+"""
+Convert inches, fractions, km/h and the like to the units that motion files take.
+
+Tested by test/files/test_wording.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Junctions: the places where the legs of a flow meet, at a corner or at the end of an arc."""
+"""
+Junctions: the places where the legs of a flow meet, at a corner or at the end of an arc.
+
+Tested by test/motion/test_flow.py.
+"""
 
 from __future__ import annotations
 

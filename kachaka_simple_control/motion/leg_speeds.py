@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The speeds at which the robot passes from leg to leg of a flow."""
+"""
+The speeds at which the robot passes from leg to leg of a flow.
+
+Tested by test/motion/test_flow.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Path segments of constant curvature, and the limits along them."""
+"""
+Path segments of constant curvature, and the limits along them.
+
+Tested by test/motion/test_plan.py.
+"""
 
 from __future__ import annotations
 

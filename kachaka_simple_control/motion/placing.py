@@ -15,6 +15,8 @@
 List the steps of a motion whose paths depend on the poses at which they begin.
 
 A step such as ``Goto`` becomes turns and legs, by following the motion from pose to pose.
+
+Tested by test/motion/test_waypoints.py.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Find where a function changes its sign."""
+"""Find where a function changes its sign.  Tested by test/motion/test_transition.py."""
 
 from __future__ import annotations
 

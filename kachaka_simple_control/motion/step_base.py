@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The base class of all steps of a motion, such as straight lines, turns and waits."""
+"""
+The base class of all steps of a motion, such as straight lines, turns and waits.
+
+Tested by test/motion/test_steps.py.
+"""
 
 from __future__ import annotations
 

@@ -15,6 +15,8 @@
 Trajectories: parts of a path with their timing.
 
 Each is driven along a path segment; only a ``ChainPath`` is driven along a chain of short arcs.
+
+Tested by test/motion/test_plan.py.
 """
 
 from __future__ import annotations

@@ -15,6 +15,8 @@
 Compare several drives of the same motion by the poses at which they ended.
 
 The comparison shows the accuracy and the repeatability of the end pose.
+
+Tested by test/commands/test_compare.py.
 """
 
 from __future__ import annotations

@@ -16,6 +16,8 @@ Plots of a drive.
 
 The plots show the path, the velocities, the errors of odometry, and the time intervals between
 velocity messages.  Another plot shows the result of a calibration.
+
+Tested by test/report/test_report_files.py.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@
 """
 Export the results of a drive as JSON.
 
-The file docs/report.md describes each field.
+The file docs/report.md describes each field.  Tested by test/report/test_report_files.py.
 """
 
 from __future__ import annotations

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Draw paths as maps that are true to scale, with marks such as arrow heads and step numbers."""
+"""
+Draw paths as maps that are true to scale, with marks such as arrow heads and step numbers.
+
+Tested by test/report/test_path_marks.py.
+"""
 
 from __future__ import annotations
 

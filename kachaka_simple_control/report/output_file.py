@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Write files safely, check the path of a plot, and create the directory of a report."""
+"""
+Write files safely, check the path of a plot, and create the directory of a report.
+
+Tested by test/report/test_plan_plot.py.
+"""
 
 from __future__ import annotations
 

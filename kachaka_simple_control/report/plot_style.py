@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The common parts of all plots: colours, axes, scales, and velocities over time."""
+"""
+The common parts of all plots: colours, axes, scales, and velocities over time.
+
+Tested by test/report/test_plan_plot.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Text tables of planned motions and of drives."""
+"""Text tables of planned motions and of drives.  Tested by test/report/test_plan_table.py."""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Convert poses, velocities and diagnoses to ROS 2 messages, and a Twist message to a velocity."""
+"""
+Convert poses, velocities and diagnoses to ROS 2 messages, and a Twist message to a velocity.
+
+Tested by test/ros/test_debug_topics.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Run the callbacks of nodes, and call a function before a ROS context is shut down."""
+"""
+Run the callbacks of nodes, and call a function before a ROS context is shut down.
+
+Tested by test/kachaka/test_bridge_executors.py.
+"""
 
 from __future__ import annotations
 

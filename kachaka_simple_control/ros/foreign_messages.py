@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Detect velocities that other programs send to the robot which this program drives."""
+"""
+Detect velocities that other programs send to the robot which this program drives.
+
+Tested by test/ros/test_faults.py.
+"""
 
 from __future__ import annotations
 

@@ -15,6 +15,8 @@
 The guardian: a separate program that stops robots if the program that drives them cannot.
 
 It has its own DDS participants, so it can still send after that program has ended.
+
+Tested by test/ros/test_guardian_node.py.
 """
 
 from __future__ import annotations

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Publish the debug topics of a node: paths, sent velocities, speed factor and diagnostics."""
+"""
+Publish the debug topics of a node: paths, sent velocities, speed factor and diagnostics.
+
+Tested by test/ros/test_debug_topics.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Call the service that switches manual control on and off."""
+"""
+Call the service that switches manual control on and off.
+
+Tested by test/ros/test_session.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The names of the topics and services of a robot and of the node, and checks of such names."""
+"""
+The names of the topics and services of a robot and of the node, and checks of such names.
+
+Tested by test/ros/test_parameters.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The ROS parameters of the node, with their defaults, descriptions and ranges; without ROS."""
+"""
+The ROS parameters of the node, with their defaults, descriptions and ranges; without ROS.
+
+Tested by test/ros/test_parameters.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Receive the odometry of a robot in a separate thread."""
+"""Receive the odometry of a robot in a separate thread.  Tested by test/ros/test_faults.py."""
 
 from __future__ import annotations
 

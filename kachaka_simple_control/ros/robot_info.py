@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Read what a Kachaka tells about itself: the charge of its battery, and its errors."""
+"""
+Read what a Kachaka tells about itself: the charge of its battery, and its errors.
+
+Tested by test/kachaka/grpc_client/test_grpc_bridge.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a node does when a signal or an exception ends the program."""
+"""
+What a node does when a signal or an exception ends the program.
+
+Tested by test/ros/test_stop.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Start ROS and create a node; each error becomes one line of text for the user."""
+"""
+Start ROS and create a node; each error becomes one line of text for the user.
+
+Tested by test/ros/test_environment.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Publish velocities as Twist or TwistStamped messages."""
+"""
+Publish velocities as Twist or TwistStamped messages.
+
+Tested by test/ros/test_robot_discovery.py.
+"""
 
 from __future__ import annotations
 

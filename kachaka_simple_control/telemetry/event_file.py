@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Keep the events of a drive on disk, for a table at its end."""
+"""
+Keep the events of a drive on disk, for a table at its end.
+
+Tested by test/ros/test_session.py.
+"""
 
 from __future__ import annotations
 

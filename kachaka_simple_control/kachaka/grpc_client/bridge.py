@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The ROS 2 node that controls a real Kachaka robot over gRPC."""
+"""
+The ROS 2 node that controls a real Kachaka robot over gRPC.
+
+Tested by test/kachaka/grpc_client/test_grpc_bridge.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The gRPC calls to a real Kachaka robot; the only module here that imports its SDK."""
+"""
+The gRPC calls to a real Kachaka robot; the only module here that imports its SDK.
+
+Tested by test/kachaka/grpc_client/test_grpc_bridge.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Conversions between the simulated robot and its gRPC messages; commands become tasks."""
+"""
+Conversions between the simulated robot and its gRPC messages; commands become tasks.
+
+Tested by test/kachaka/simulator/test_grpc_readings.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The gRPC server through which clients control the simulated robot."""
+"""
+The gRPC server through which clients control the simulated robot.
+
+Tested by test/kachaka/simulator/test_grpc_sdk.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the gRPC calls of the simulated robot use: robot, clock, map, and values to wait for."""
+"""
+What the gRPC calls of the simulated robot use: robot, clock, map, and values to wait for.
+
+Tested by test/kachaka/simulator/test_grpc_tasks.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The simulated Kachaka: velocities, tasks, manual control, dock and power button."""
+"""
+The simulated Kachaka: velocities, tasks, manual control, dock and power button.
+
+Tested by test/kachaka/simulator/test_simulated_robot.py.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Tasks of the simulated robot, the controller of their actions, and their queue."""
+"""
+Tasks of the simulated robot, the controller of their actions, and their queue.
+
+Tested by test/kachaka/simulator/test_simulated_tasks.py.
+"""
 
 from __future__ import annotations
 
