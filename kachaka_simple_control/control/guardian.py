@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import contextlib
 import json
+import math
 import mmap
 import os
 import socket
@@ -182,6 +183,7 @@ class NullGuardian:
 
     participants: frozenset[bytes] = frozenset()
     has_searched = is_matched = True
+    subscriber_count = math.inf
     stopped_because: str | None = None
     has_ended = False
     shared_memory: tuple[int, int] | None = None
@@ -228,8 +230,8 @@ class Guardian:
         self.latch, self.sending = slot.latch, slot.sending
         #: number of zero velocities that the guardian has published on request
         self.prime_count = 0
-        #: whether the guardian's publisher has matched a subscriber
-        self.is_matched = False
+        #: how many subscribers the guardian's publisher has matched before the first drive
+        self.subscriber_count = 0
         #: why the guardian stopped the robot; None if it did not
         self.stopped_because: str | None = None
         #: set when the guardian can no longer send to the robot
@@ -306,19 +308,22 @@ class Guardian:
         """Go on with a copy of the robot's slot: the guardian has left the robot."""
         self._slot.detach()
 
+    @property
+    def is_matched(self) -> bool:
+        """Whether the guardian's publisher has matched a subscriber."""
+        return self.subscriber_count > 0
+
     def on_report(self, word: str, value: str) -> None:
         """
         Process a line that the guardian has printed about this robot.
 
-        :param word: ``primed`` (a zero was published on request), ``matched`` (the robot
-            subscribes to the guardian's messages), ``stopped`` (it stops the robot) or ``left``
-            (it sends no more)
-        :param value: why the guardian stopped the robot; otherwise unused
+        :param word: ``primed`` (a zero was published on request), ``matched`` (with the number of
+            subscribers), ``stopped`` (with the reason) or ``left`` (it sends no more)
         """
         if word == 'primed':
             self.prime_count += 1
         elif word == 'matched':
-            self.is_matched = True
+            self.subscriber_count = int(value)
         elif word == 'stopped':
             self.stopped_because = value
         elif word == 'left':

@@ -58,6 +58,8 @@ from rclpy.node import Node
 READ_SIZE = 65536
 #: The longest description of a robot [bytes]; a topic name has at most 255 characters.
 MAX_ROBOT_SIZE = 4096
+#: How often more subscribers are looked for between the first match and the first drive [s].
+MATCH_PERIOD = 0.1
 
 
 class GuardianNode:
@@ -98,8 +100,8 @@ class GuardedRobot:
         self._arguments = topic, message_type, frame
         self._command_timeout = command_timeout
         self.watchdog = Watchdog()
-        #: whether one of the publishers has a matched subscriber
-        self.is_matched = False
+        #: how many subscribers the kept publisher has matched; 0 before the first
+        self.subscriber_count = 0
         #: the publishers for this robot by node, the newest last; only one is left after the match
         self._publishers: dict[GuardianNode, VelocityPublisher] = {}
         self._stopping: list[threading.Thread] = []
@@ -108,6 +110,16 @@ class GuardedRobot:
     def nodes(self) -> Collection[GuardianNode]:
         """Return the nodes of the guardian that have a publisher for this robot."""
         return self._publishers.keys()
+
+    @property
+    def is_matched(self) -> bool:
+        """Whether a publisher has matched a subscriber, which need not be the robot."""
+        return self.subscriber_count > 0
+
+    @property
+    def was_driven(self) -> bool:
+        """Whether a drive has begun: the driving program has waited for the match until then."""
+        return self.slot.heartbeat > 0.0
 
     @property
     def is_stopping(self) -> bool:
@@ -119,13 +131,14 @@ class GuardedRobot:
         self._publishers[node] = VelocityPublisher(node.node, *self._arguments)
 
     def match(self) -> bool:
-        """Return whether a publisher has discovered the robot; if so, destroy the others."""
-        matched = (node for node, publisher in self._publishers.items()
-                   if publisher.get_subscription_count() > 0)
-        if (node := next(matched, None)) is not None:
-            self.is_matched = True
-            self._keep(node)
-        return self.is_matched
+        """Count the matched subscribers, and keep their publisher alone; whether it changed."""
+        before, self.subscriber_count = self.subscriber_count, 0
+        for node, publisher in [*self._publishers.items()]:
+            if (count := int(publisher.get_subscription_count())) > 0:
+                self.subscriber_count = count
+                self._keep(node)
+                break
+        return self.subscriber_count != before
 
     def keep_newest(self) -> None:
         """Destroy all publishers for this robot except the newest one."""
@@ -280,6 +293,8 @@ class GuardianProgram:
                     if (timeout := robot.watchdog.timeout()) is not None]
         if self._leaving or not all(robot.is_matched for robot in self._robots.values()):
             timeouts.append(POLL_PERIOD)
+        elif not all(robot.was_driven for robot in self._robots.values()):
+            timeouts.append(MATCH_PERIOD)
         return min(timeouts, default=None)
 
     def _add_robots(self, robots: socket.socket) -> None:
@@ -335,8 +350,8 @@ class GuardianProgram:
 
     def _update(self) -> None:
         for number, robot in self._robots.items():
-            if not (robot.is_matched or robot.is_stopping) and robot.match():
-                _report(f'matched {number}')
+            if not (robot.was_driven or robot.is_stopping) and robot.match():
+                _report(f'matched {number} {robot.subscriber_count}')
         for number in [*self._leaving]:
             if not self._robots[number].is_stopping:
                 self._leave(number)

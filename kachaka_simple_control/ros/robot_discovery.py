@@ -97,6 +97,10 @@ class RobotDiscovery:
         """
         Wait until the robot can be driven, and the guardian's publisher has discovered the robot.
 
+        Another subscriber, as of a tool on this machine, may be discovered long before the robot.
+        So the wait goes on until the guardian has as many as this node; one that has left keeps it
+        for DISCOVERY_TIMEOUT (3.5 s) at most.
+
         :raises RobotNotFoundError: if this takes longer than the timeout
         """
         if not wait_until(
@@ -105,6 +109,8 @@ class RobotDiscovery:
             raise RobotNotFoundError(self._not_found(timeout) if self._problem() else (
                 f'the guardian has matched no subscriber within {timeout:g} s, so nothing moved; '
                 'the parameter guardian:=false drives without one'))
+        wait_until(lambda: self._guardian.subscriber_count >= self.subscriber_count,
+                   DISCOVERY_TIMEOUT, check)
 
     def wait_for_publishers(self, check: Callable[[], None]) -> None:
         """

@@ -40,7 +40,7 @@ while data := os.read(pipe, 2):
         print('left', number, flush=True)
     elif message == 'p':
         claim = socket.recv_fds(robots, 4096, 1)[1]
-        print('matched', number, flush=True)
+        print('matched', number, 1, flush=True)
         print('primed', number, flush=True)
 """
 ROBOT = ('/cmd_vel', 0.3, 'Twist', 'base_link')

@@ -40,6 +40,7 @@ with optional_imports():
         GuardianNodes,
         GuardianProgram,
     )
+    from listener import Listener
     import rclpy
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
@@ -114,8 +115,9 @@ def match(nodes, *robots, timeout=4.0):
     """Let nodes join and leave until the robots are matched and nothing changes any more."""
     end = time.monotonic() + timeout
     while time.monotonic() < end:
-        matched = [one.match() for one in robots]
-        if all(matched):
+        for one in robots:
+            one.match()
+        if all(one.is_matched for one in robots):
             end = min(end, time.monotonic() + 0.1)
         nodes.update(robots)
         time.sleep(0.02)
@@ -162,6 +164,18 @@ def test_a_node_that_is_matched_stays(listener, observer, nodes, greeted, shared
     assert len(one.nodes) == 1
     assert publishers(observer) == 1
     assert len(greeted) <= 3
+
+
+def test_the_robot_may_be_found_later_than_another_subscriber(listener, nodes, greeted, shared):
+    """As a tool on this machine: the driving program waits until both are there."""
+    one = robot(nodes, shared)
+    match(nodes, one)
+    assert one.subscriber_count == 1
+    with Listener():
+        wait_until(lambda: one.match() and one.subscriber_count == 2)
+    wait_until(lambda: one.match() and one.subscriber_count == 1)
+    one.slot.heartbeat = 1.0
+    assert one.was_driven
 
 
 def test_a_node_that_is_not_matched_joins_again(observer, nodes, greeted, shared):

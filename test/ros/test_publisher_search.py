@@ -14,6 +14,7 @@
 """The search for velocity publishers, which finds those that a new node would find late."""
 
 import contextlib
+import math
 import os
 import subprocess
 import sys
@@ -100,6 +101,7 @@ class Search:
 
     participants = frozenset()
     has_searched = is_matched = True
+    subscriber_count = math.inf
 
     def found_publishers(self, topic):
         """Return a participant that is not there."""
@@ -173,3 +175,15 @@ def test_with_others_allowed_nobody_waits_for_them(listener, make):
     began = time.monotonic()
     session._connection.take(lambda: None)
     assert time.monotonic() - began < robot_discovery.DISCOVERY_TIMEOUT
+
+
+def test_the_drive_waits_until_the_guardian_knows_as_many_subscribers(
+        listener, make, monkeypatch):
+    """The one that it knows may be a tool on this machine, and not the robot."""
+    monkeypatch.setattr(robot_discovery, 'DISCOVERY_TIMEOUT', 1.0)
+    session = make(allow_other_publishers=True).session
+    guardian = session._discovery._guardian = Search()
+    for count, seconds in ((0, 1.0), (1, 0.0)):
+        guardian.subscriber_count, began = count, time.monotonic()
+        session._discovery.wait_for_guardian(5.0, lambda: None)
+        assert seconds <= time.monotonic() - began < seconds + 0.7
