@@ -21,9 +21,9 @@ import ctypes
 import itertools
 import os
 from pathlib import Path
+import re
 import shutil
 import subprocess
-from types import TracebackType
 
 from kachaka_simple_control.ros.dds_transport import CHOICES
 from program import environment
@@ -51,6 +51,7 @@ table ip loss {{
     }}
     chain loss_rule {{
         {loss_rule}
+        counter
     }}
 }}
 """
@@ -68,11 +69,7 @@ class Network:
         self._names = {end: f'{PREFIX}-{os.getpid()}-{end}-{number}' for end in ADDRESSES}
 
     def __enter__(self) -> Network:
-        """
-        Make the network, and remove the networks of earlier runs that were killed.
-
-        :raises NetworkError: if the network cannot be made; no part of it remains
-        """
+        """Make the network; a NetworkError leaves nothing of it.  Killed runs' ones are removed."""
         remove_leftovers()
         try:
             self._make()
@@ -81,9 +78,7 @@ class Network:
             raise
         return self
 
-    def __exit__(
-            self, kind: type[BaseException] | None, error: BaseException | None,
-            traceback: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         """Remove the network."""
         self._remove()
 
@@ -116,6 +111,12 @@ class Network:
             loss_rule = f'numgen random mod 100 < {percent} drop' if percent else ''
             self._nft(end, 'flush ruleset')
             self._nft(end, RULES.format(peer=ADDRESSES[peer], loss_rule=loss_rule))
+
+    def arrived(self) -> int:
+        """Return the number of packets that arrived at either end since ``set_loss``."""
+        return sum(int(count) for end in ADDRESSES for count in re.findall(
+            r'counter packets (\d+)',
+            _run(*self.command(end, [_tool('nft'), 'list', 'ruleset']))))
 
     def disconnect(self) -> None:
         """Disconnect the ends: set the robot's interface down, so the node's loses its carrier."""
