@@ -69,7 +69,7 @@ class Network:
         self._names = {end: f'{PREFIX}-{os.getpid()}-{end}-{number}' for end in ADDRESSES}
 
     def __enter__(self) -> Network:
-        """Make the network; a NetworkError leaves nothing of it.  Killed runs' ones are removed."""
+        """Make the network; a NetworkError leaves nothing of it."""
         remove_leftovers()
         try:
             self._make()
