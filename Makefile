@@ -37,7 +37,7 @@ console: setup  ## set up, then serve the console of a simulated robot, for a br
 	$(VENV)/bin/kachaka_console --sim
 
 # Pure tests first, on all cores; then those in real time, by more workers: they mostly wait.
-test: setup  ## set up, then run the tests; 7 to 8 minutes
+test: setup  ## set up, then run the tests; 6 minutes
 	PYTEST='$(VENV)/bin/python -m pytest' WORKERS=$(WORKERS) tools/test.sh $(if $(MARKED),'$(MARKED)')
 
 test-all: export HYPOTHESIS_PROFILE = thorough
@@ -65,7 +65,7 @@ floor: setup  ## drive a square on one simulated floor: as it is, calibrated, in
 bench: setup  ## measure beside the lesson's loop: half an hour; QUICK=1: minutes
 	$(VENV)/bin/python -m benchmarks $(if $(QUICK),--quick) $(if $(NO_BARS),--no-bars)
 
-stop-matrix: setup  ## let everything happen to a program that drives: an hour; QUICK=1: minutes
+stop-matrix: setup  ## let everything happen to a program that drives: 80 minutes; QUICK=1: minutes
 	$(VENV)/bin/python -m benchmarks.stop_matrix $(if $(QUICK),--quick)
 
 console-matrix: setup  ## let everything happen to the console and its browser: 40 minutes; QUICK=1: 2

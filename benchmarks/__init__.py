@@ -14,8 +14,7 @@
 """
 Benchmarks of timing and stopping: this package, and other common ways to send velocities.
 
-``python -m benchmarks`` measures, ``python -m benchmarks.compare`` compares two runs.  Only
-``loops``, ``loop_process``, ``resource_usage`` and ``robot`` use ROS.
+``python -m benchmarks`` measures, ``python -m benchmarks.compare`` compares two runs.
 """
 
 from pathlib import Path
