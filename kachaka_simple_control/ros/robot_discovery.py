@@ -31,6 +31,7 @@ from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.velocity_publisher import TYPES, VelocityPublisher
 from kachaka_simple_control.text import escaped, quoted
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 #: How to drive a robot without odometry.
 WITHOUT_ODOMETRY = (
@@ -68,13 +69,13 @@ class RobotDiscovery:
 
     @property
     def is_subscribed(self) -> bool:
-        """Whether at least one subscription matches the velocity publisher of this node."""
+        """Whether a subscription of another node matches the velocity publisher of this node."""
         return self.subscriber_count > 0
 
     @property
     def subscriber_count(self) -> int:
-        """Return the number of subscriptions that match the velocity publisher of this node."""
-        return int(self._publisher.get_subscription_count())
+        """Return how many subscriptions other nodes have; 0 if none matches the publisher."""
+        return len(self._subscriptions()) if self._publisher.get_subscription_count() else 0
 
     def require_participant(self, participant: Callable[[], bytes | None]) -> None:
         """
@@ -196,8 +197,14 @@ class RobotDiscovery:
         return [self.subscriber_count, *map(self._node.count_publishers, topics)]
 
     def _subscribers(self) -> set[bytes]:
-        return set(participants(
-            self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)))
+        return set(participants(self._subscriptions()))
+
+    def _subscriptions(self) -> list[TopicEndpointInfo]:
+        """Return the subscriptions to the velocities; that of ``ForeignMessages`` is left out."""
+        infos = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+        own = self._participant, self._node.get_name(), self._node.get_namespace()
+        return [info for info, participant in zip(infos, participants(infos))
+                if (participant, info.node_name, info.node_namespace) != own]
 
     def _odometry_publishers(self) -> list[bytes]:
         return participants(
@@ -231,7 +238,7 @@ class RobotDiscovery:
         """Return a text that says why no subscription matches this node's velocity publisher."""
         own_type = self._publisher.msg_type.__name__
         topic = self._publisher.topic_name
-        infos = self._node.get_subscriptions_info_by_topic(topic)
+        infos = self._subscriptions()
         types = {info.topic_type for info in infos}
         same_type = [info for info in infos if info.topic_type.endswith('/' + own_type)]
         if types and not same_type:

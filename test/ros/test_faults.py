@@ -215,6 +215,17 @@ def test_a_publisher_that_never_sends_is_no_fault(listener, tmp_path):
     another.leave()
 
 
+def test_a_robot_that_leaves_beside_a_silent_publisher_ends_the_run(listener, tmp_path):
+    """The node's own subscription, which shows whether that one sends, is not the robot."""
+    other = OtherPublisher(listener)
+    with script(DRIVE, tmp_path) as started:
+        listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
+        listener.leave()
+        assert started.end() == 1
+    assert 'the robot left: nobody subscribes to' in started.text
+    other.leave()
+
+
 def test_no_run_begins_while_another_publisher_sends(listener, tmp_path):
     other = OtherPublisher(listener)
     other.send()
