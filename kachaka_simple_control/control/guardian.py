@@ -22,7 +22,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 import contextlib
 import json
-import math
 import mmap
 import os
 import socket
@@ -183,7 +182,6 @@ class NullGuardian:
 
     participants: frozenset[bytes] = frozenset()
     has_searched = is_matched = True
-    subscriber_count = math.inf
     stopped_because: str | None = None
     has_ended = False
     shared_memory: tuple[int, int] | None = None
@@ -195,6 +193,10 @@ class NullGuardian:
     def prime(self) -> None:
         """Add 1 to ``prime_count``, for which the caller waits, although nothing is published."""
         self.prime_count += 1
+
+    def unmatched(self, _: set[bytes]) -> set[bytes]:
+        """Return an empty set, because there is no guardian that has to match a subscriber."""
+        return set()
 
     def found_publishers(self, _: str) -> set[bytes]:
         """Return an empty set, because there is no guardian that searches for publishers."""
@@ -230,8 +232,8 @@ class Guardian:
         self.latch, self.sending = slot.latch, slot.sending
         #: number of zero velocities that the guardian has published on request
         self.prime_count = 0
-        #: how many subscribers the guardian's publisher has matched before the first drive
-        self.subscriber_count = 0
+        #: the participants of the subscribers that the guardian's publisher has matched
+        self._subscribers: frozenset[bytes] = frozenset()
         #: why the guardian stopped the robot; None if it did not
         self.stopped_because: str | None = None
         #: set when the guardian can no longer send to the robot
@@ -311,19 +313,24 @@ class Guardian:
     @property
     def is_matched(self) -> bool:
         """Whether the guardian's publisher has matched a subscriber."""
-        return self.subscriber_count > 0
+        return bool(self._subscribers)
+
+    def unmatched(self, subscribers: set[bytes]) -> set[bytes]:
+        """Return those of the participants that the guardian's publisher has not matched yet."""
+        return subscribers - self._subscribers
 
     def on_report(self, word: str, value: str) -> None:
         """
         Process a line that the guardian has printed about this robot.
 
-        :param word: ``primed`` (a zero was published on request), ``matched`` (with the number of
-            subscribers), ``stopped`` (with the reason) or ``left`` (it sends no more)
+        :param word: ``primed`` (a zero was published on request), ``matched`` (with the
+            participants of all subscribers), ``stopped`` (with the reason) or ``left`` (it sends
+            no more)
         """
         if word == 'primed':
             self.prime_count += 1
         elif word == 'matched':
-            self.subscriber_count = int(value)
+            self._subscribers = frozenset(map(bytes.fromhex, value.split()))
         elif word == 'stopped':
             self.stopped_because = value
         elif word == 'left':

@@ -47,7 +47,7 @@ from kachaka_simple_control.control.timing import (
 from kachaka_simple_control.control.watchdog import GuardianMessage, Watchdog
 from kachaka_simple_control.errors import HELD_UP_ADVICE
 from kachaka_simple_control.motion.geometry import ZERO
-from kachaka_simple_control.ros.endpoints import own_participant
+from kachaka_simple_control.ros.endpoints import own_participant, participants
 from kachaka_simple_control.ros.publisher_search import start_publisher_search
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.context import Context
@@ -58,8 +58,8 @@ from rclpy.node import Node
 READ_SIZE = 65536
 #: The longest description of a robot [bytes]; a topic name has at most 255 characters.
 MAX_ROBOT_SIZE = 4096
-#: How often more subscribers are looked for between the first match and the first drive [s].
-MATCH_PERIOD = 0.1
+#: How often other subscribers are looked for after the first match, except during a drive [s].
+MATCH_PERIOD = 0.2
 
 
 class GuardianNode:
@@ -100,8 +100,8 @@ class GuardedRobot:
         self._arguments = topic, message_type, frame
         self._command_timeout = command_timeout
         self.watchdog = Watchdog()
-        #: how many subscribers the kept publisher has matched; 0 before the first
-        self.subscriber_count = 0
+        #: the DDS participants of the subscribers that the kept publisher has matched at last
+        self.subscribers: frozenset[bytes] = frozenset()
         #: the publishers for this robot by node, the newest last; only one is left after the match
         self._publishers: dict[GuardianNode, VelocityPublisher] = {}
         self._stopping: list[threading.Thread] = []
@@ -114,12 +114,12 @@ class GuardedRobot:
     @property
     def is_matched(self) -> bool:
         """Whether a publisher has matched a subscriber, which need not be the robot."""
-        return self.subscriber_count > 0
+        return bool(self.subscribers)
 
     @property
-    def was_driven(self) -> bool:
-        """Whether a drive has begun: the driving program has waited for the match until then."""
-        return self.slot.heartbeat > 0.0
+    def is_driven(self) -> bool:
+        """Whether a drive or its stop is under way: a call to DDS could delay the guardian."""
+        return self.is_stopping or self.watchdog.timeout() is not None
 
     @property
     def is_stopping(self) -> bool:
@@ -131,14 +131,15 @@ class GuardedRobot:
         self._publishers[node] = VelocityPublisher(node.node, *self._arguments)
 
     def match(self) -> bool:
-        """Count the matched subscribers, and keep their publisher alone; whether it changed."""
-        before, self.subscriber_count = self.subscriber_count, 0
+        """Find the subscribers; keep the first publisher that has any.  Whether they changed."""
+        before = self.subscribers
         for node, publisher in [*self._publishers.items()]:
-            if (count := int(publisher.get_subscription_count())) > 0:
-                self.subscriber_count = count
+            if publisher.get_subscription_count() > 0:
+                self.subscribers = frozenset(participants(
+                    node.node.get_subscriptions_info_by_topic(publisher.topic_name)))
                 self._keep(node)
                 break
-        return self.subscriber_count != before
+        return self.subscribers != before
 
     def keep_newest(self) -> None:
         """Destroy all publishers for this robot except the newest one."""
@@ -293,7 +294,7 @@ class GuardianProgram:
                     if (timeout := robot.watchdog.timeout()) is not None]
         if self._leaving or not all(robot.is_matched for robot in self._robots.values()):
             timeouts.append(POLL_PERIOD)
-        elif not all(robot.was_driven for robot in self._robots.values()):
+        elif not all(robot.is_driven for robot in self._robots.values()):
             timeouts.append(MATCH_PERIOD)
         return min(timeouts, default=None)
 
@@ -350,13 +351,12 @@ class GuardianProgram:
 
     def _update(self) -> None:
         for number, robot in self._robots.items():
-            if not (robot.was_driven or robot.is_stopping) and robot.match():
-                _report(f'matched {number} {robot.subscriber_count}')
+            if not robot.is_driven and robot.match():
+                _report(f'matched {number} {" ".join(map(bytes.hex, robot.subscribers))}')
         for number in [*self._leaving]:
             if not self._robots[number].is_stopping:
                 self._leave(number)
-        if not any(robot.is_stopping or robot.watchdog.timeout() is not None
-                   for robot in self._robots.values()):
+        if not any(robot.is_driven for robot in self._robots.values()):
             self._nodes.update(self._robots.values())
 
     def _leave(self, number: int) -> None:

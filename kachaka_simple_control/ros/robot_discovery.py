@@ -98,20 +98,22 @@ class RobotDiscovery:
         """
         Wait until the robot can be driven, and the guardian's publisher has discovered the robot.
 
-        Another subscriber, as of a tool on this machine, may be discovered long before the robot.
-        So the wait goes on until the guardian has as many as this node; one that has left keeps it
-        for DISCOVERY_TIMEOUT (3.5 s) at most.
+        Without odometry, each subscriber may be the robot: then it waits for the others, too, but
+        for DISCOVERY_TIMEOUT (3.5 s) at most, because one that was killed stays in the graph.
 
         :raises RobotNotFoundError: if this takes longer than the timeout
         """
-        if not wait_until(
-                lambda: self._guardian.is_matched and not self._problem(), timeout, check):
+        def is_found() -> bool:
+            robot = self._find_robot()
+            return self._guardian.unmatched(robot) != robot and not self._problem()
+
+        if not wait_until(is_found, timeout, check):
             # If discovery has found a problem meanwhile, report this problem: it explains more.
             raise RobotNotFoundError(self._not_found(timeout) if self._problem() else (
-                f'the guardian has matched no subscriber within {timeout:g} s, so nothing moved; '
-                'the parameter guardian:=false drives without one'))
-        wait_until(lambda: self._guardian.subscriber_count >= self.subscriber_count,
-                   DISCOVERY_TIMEOUT, check)
+                f'the guardian has not discovered the robot within {timeout:g} s, so nothing '
+                'moved; the parameter guardian:=false drives without one'))
+        wait_until(lambda: not self._guardian.unmatched(self._find_robot()), DISCOVERY_TIMEOUT,
+                   check)
 
     def wait_for_publishers(self, check: Callable[[], None]) -> None:
         """
@@ -149,13 +151,8 @@ class RobotDiscovery:
         return self._counts != before
 
     def remember_robot(self) -> None:
-        """
-        Store the participants of the robot for ``check_identity``.
-
-        They are the subscribers of velocities that publish odometry; all subscribers if none does.
-        """
-        subscribers = self._subscribers()
-        self._robot = subscribers & set(self._odometry_publishers()) or subscribers
+        """Store the participants of the robot for ``check_identity``."""
+        self._robot = self._find_robot()
 
     def check_identity(self) -> None:
         """
@@ -195,6 +192,11 @@ class RobotDiscovery:
         if self._odometry_topic:
             topics.append(self._odometry_topic)
         return [self.subscriber_count, *map(self._node.count_publishers, topics)]
+
+    def _find_robot(self) -> set[bytes]:
+        """Return the subscribers of velocities that publish odometry; if none does, all."""
+        subscribers = self._subscribers()
+        return subscribers & set(self._odometry_publishers()) or subscribers
 
     def _subscribers(self) -> set[bytes]:
         return set(participants(self._subscriptions()))

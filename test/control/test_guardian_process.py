@@ -40,7 +40,7 @@ while data := os.read(pipe, 2):
         print('left', number, flush=True)
     elif message == 'p':
         claim = socket.recv_fds(robots, 4096, 1)[1]
-        print('matched', number, 1, flush=True)
+        print('matched', number, '0c 0d', flush=True)
         print('primed', number, flush=True)
 """
 ROBOT = ('/cmd_vel', 0.3, 'Twist', 'base_link')
@@ -93,6 +93,7 @@ def test_each_robot_has_its_own_slot_and_answers(start, claim, seen):
     second.prime()
     wait_until(lambda: second.prime_count)
     assert (first.is_matched, second.is_matched) == (False, True)
+    assert second.unmatched({b'\x0c', b'\x0e'}) == {b'\x0e'}
     first.latch.trip()
     first.sending.set()
     first.heartbeat()

@@ -29,11 +29,13 @@ from kachaka_simple_control.control.processes import (
     is_running,
     python_command,
 )
-from optional_libraries import optional_imports
+from optional_libraries import MISSING, optional_imports
 import pytest
 from waiting import poll, wait_until
 
+own_participant = MISSING
 with optional_imports():
+    from kachaka_simple_control.ros.endpoints import own_participant
     from kachaka_simple_control.ros.guardian_program import (
         GuardedRobot,
         GuardianNode,
@@ -166,16 +168,18 @@ def test_a_node_that_is_matched_stays(listener, observer, nodes, greeted, shared
     assert len(greeted) <= 3
 
 
-def test_the_robot_may_be_found_later_than_another_subscriber(listener, nodes, greeted, shared):
-    """As a tool on this machine: the driving program waits until both are there."""
-    one = robot(nodes, shared)
-    match(nodes, one)
-    assert one.subscriber_count == 1
-    with Listener():
-        wait_until(lambda: one.match() and one.subscriber_count == 2)
-    wait_until(lambda: one.match() and one.subscriber_count == 1)
-    one.slot.heartbeat = 1.0
-    assert one.was_driven
+def test_a_robot_is_found_later_than_another_subscriber_and_after_a_drive(
+        listener, process, shared):
+    """The first may be a tool on this machine, and a robot may be replaced between drives."""
+    guardian = add(process, shared)
+    prime(listener, guardian)
+    with driving(guardian):
+        pass
+    with Listener() as second:
+        tool, robot = ({own_participant(one._node)} for one in (listener, second))
+        assert guardian.unmatched(tool) == set()
+        wait_until(lambda: not guardian.unmatched(tool | robot))
+    wait_until(lambda: guardian.unmatched(tool | robot) == robot)
 
 
 def test_a_node_that_is_not_matched_joins_again(observer, nodes, greeted, shared):

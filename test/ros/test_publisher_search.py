@@ -14,7 +14,6 @@
 """The search for velocity publishers, which finds those that a new node would find late."""
 
 import contextlib
-import math
 import os
 import subprocess
 import sys
@@ -24,15 +23,19 @@ import time
 from kachaka_simple_control.control.guardian import GuardianProcess
 from kachaka_simple_control.control.processes import child_environment, python_command
 from kachaka_simple_control.control.velocity_gate import GateState
+from kachaka_simple_control.errors import RobotNotFoundError
 from optional_libraries import MISSING, optional_imports
 import pytest
 from waiting import wait_until
 
-dds_transport = robot_discovery = MISSING
+dds_transport = robot_discovery = own_participant = MISSING
 with optional_imports():
     from kachaka_simple_control.ros import dds_transport, robot_discovery
+    from kachaka_simple_control.ros.endpoints import own_participant
+    from listener import Listener
+    from nav_msgs.msg import Odometry
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
 
 TOPIC = '/kachaka/manual_control/cmd_vel'
 #: Another program: it joins the graph as its user would start it, and has a publisher.
@@ -100,8 +103,13 @@ class Search:
     """Stands for a guardian that has found a publisher which this node never discovers."""
 
     participants = frozenset()
-    has_searched = is_matched = True
-    subscriber_count = math.inf
+    has_searched = True
+    #: the participants of the only subscribers that it has matched; None: it has matched all
+    matched = None
+
+    def unmatched(self, subscribers):
+        """Return those that it has not matched."""
+        return set() if self.matched is None else subscribers - self.matched
 
     def found_publishers(self, topic):
         """Return a participant that is not there."""
@@ -177,13 +185,25 @@ def test_with_others_allowed_nobody_waits_for_them(listener, make):
     assert time.monotonic() - began < robot_discovery.DISCOVERY_TIMEOUT
 
 
-def test_the_drive_waits_until_the_guardian_knows_as_many_subscribers(
-        listener, make, monkeypatch):
-    """The one that it knows may be a tool on this machine, and not the robot."""
+def test_the_drive_waits_until_the_guardian_knows_the_robot(listener, make, monkeypatch):
+    """The subscriber that it knows may be a tool on this machine, and not the robot."""
     monkeypatch.setattr(robot_discovery, 'DISCOVERY_TIMEOUT', 1.0)
     session = make(allow_other_publishers=True).session
     guardian = session._discovery._guardian = Search()
-    for count, seconds in ((0, 1.0), (1, 0.0)):
-        guardian.subscriber_count, began = count, time.monotonic()
-        session._discovery.wait_for_guardian(5.0, lambda: None)
-        assert seconds <= time.monotonic() - began < seconds + 0.7
+
+    def wait():
+        began = time.monotonic()
+        session._discovery.wait_for_guardian(2.0, lambda: None)
+        return time.monotonic() - began
+
+    with Listener() as other:
+        wait_until(lambda: session._discovery.subscriber_count == 2)
+        robot, tool = ({own_participant(one._node)} for one in (listener, other))
+        guardian.matched = tool
+        assert 1.0 <= wait() < 1.7, 'without odometry, each of them may be the robot'
+        listener._node.create_publisher(Odometry, 'odometry/odometry', 1)
+        wait_until(lambda: session._discovery._find_robot() == robot)
+        with pytest.raises(RobotNotFoundError, match='the guardian has not discovered the robot'):
+            wait()
+        guardian.matched = robot
+        assert wait() < 0.7
