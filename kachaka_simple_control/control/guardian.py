@@ -22,14 +22,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 import contextlib
 import json
-import mmap
 import os
 import socket
-import struct
 import subprocess
 import tempfile
 import threading
 
+from kachaka_simple_control.control.guardian_memory import (
+    GuardianMemory,
+    Latch,
+    RobotSlot,
+    SharedFlag,
+)
 from kachaka_simple_control.control.processes import boottime, call_in_forked_children
 from kachaka_simple_control.control.timing import (
     GUARDIAN_EXIT_TIMEOUT,
@@ -43,138 +47,6 @@ from kachaka_simple_control.errors import HELD_UP_ADVICE, RunFaultError, UsageEr
 #: How long the node waits for space in the guardian's socket when it adds a robot [s].  The
 #: socket is full after 200 robots, and the guardian reads nothing while it starts.
 ADD_TIMEOUT = 5.0
-
-
-class SharedByte:
-    """A byte that two processes can share, 0 at the start; None: of this process."""
-
-    def __init__(self, memory: bytearray | memoryview | None = None) -> None:
-        self._memory = bytearray(1) if memory is None else memory
-
-    @property
-    def is_set(self) -> bool:
-        """Whether the byte is set, which means that its value is not 0."""
-        return self._memory[0] != 0
-
-    def detach(self) -> None:
-        """Go on with a copy in the memory of this process, so that the shared one can be freed."""
-        self._memory = bytearray(self._memory)
-
-
-class Latch(SharedByte):
-    """
-    A flag in shared memory that limits a node to zero velocities for good once it is set.
-
-    It also stores when the guardian began to stop the robot.
-
-    :param memory: ``Latch.SIZE`` writable bytes, 0 at the start; None for memory of this process
-    """
-
-    #: size in memory [bytes]: one byte that is 1 if the latch is set, and the time of the
-    #: guardian's stop
-    SIZE = 9
-
-    def __init__(self, memory: bytearray | memoryview | None = None) -> None:
-        super().__init__(bytearray(self.SIZE) if memory is None else memory)
-
-    def trip(self, stop_time: float = 0.0) -> None:
-        """Set the latch; ``stop_time``: when the guardian began to stop the robot [s], or 0."""
-        if stop_time:
-            # Write the time before the byte: a reader that sees the byte set reads a valid time.
-            struct.pack_into('d', self._memory, 1, stop_time)
-        self._memory[0] = 1
-
-    @property
-    def guardian_stop_time(self) -> float | None:
-        """Return when the guardian began to stop the robot [s]; None if it has not."""
-        if not self.is_set:
-            return None
-        stop_time, = struct.unpack_from('d', self._memory, 1)
-        return stop_time or None
-
-
-class SharedFlag(SharedByte):
-    """A flag in memory that two processes can share, set and clear; None: of this process."""
-
-    def set(self) -> None:  # noqa: A003
-        """Set the flag, for all processes that share it."""
-        self._memory[0] = 1
-
-    def clear(self) -> None:
-        """Clear the flag, for all processes that share it."""
-        self._memory[0] = 0
-
-
-class RobotSlot:
-    """
-    The part of the memory shared with the guardian that belongs to one robot.
-
-    :ivar latch: the guardian sets it before it sends its first zero velocity
-    :ivar sending: set while the node waits in a call to DDS
-    """
-
-    #: size in memory [bytes]: the time of the heartbeat, the latch and the flag, rounded up
-    SIZE = 32
-
-    def __init__(self, memory: memoryview) -> None:
-        self._memory = memory
-        self.latch = Latch(memory[8:8 + Latch.SIZE])
-        self.sending = SharedFlag(memory[8 + Latch.SIZE:])
-
-    @property
-    def heartbeat(self) -> float:
-        """Return the time of the newest heartbeat [s since boot]."""
-        time, = struct.unpack_from('d', self._memory)
-        return float(time)
-
-    @heartbeat.setter
-    def heartbeat(self, time: float) -> None:
-        struct.pack_into('d', self._memory, 0, time)
-
-    def detach(self) -> None:
-        """Go on with a copy of the slot, so that the shared memory can be freed."""
-        self._memory = memoryview(bytearray(self._memory))
-        self.latch.detach()
-        self.sending.detach()
-
-    def clear(self) -> None:
-        """Set all bytes of this memory to 0, so that another robot can use it."""
-        self._memory[:] = bytes(self.SIZE)
-
-
-class GuardianMemory:
-    """
-    The memory that a node shares with its guardian; each robot has a slot in it.
-
-    :param file: the descriptor of a file of ``GuardianMemory.SIZE`` bytes
-    """
-
-    #: the largest number of robots; they use the slots 1 to MAX_ROBOTS, and slot 0 holds the
-    #: values of the guardian itself
-    MAX_ROBOTS = 255
-    #: size in memory [bytes]
-    SIZE = (1 + MAX_ROBOTS) * RobotSlot.SIZE
-
-    def __init__(self, file: int) -> None:
-        self._memory = memoryview(mmap.mmap(file, self.SIZE))
-
-    def detach(self) -> None:
-        """Go on with a copy; the shared memory is freed when no slot refers to it any more."""
-        self._memory = memoryview(bytearray(self._memory))
-
-    @property
-    def check_count(self) -> int:
-        """Return how often the guardian has checked the heartbeats, modulo 256."""
-        return self._memory[0]
-
-    def count_check(self) -> None:
-        """Add 1 to the number of heartbeat checks, modulo 256; only the guardian may call this."""
-        self._memory[0] = (self._memory[0] + 1) % 256
-
-    def slot(self, number: int) -> RobotSlot:
-        """Return a slot, from 1 to ``MAX_ROBOTS``."""
-        start = number * RobotSlot.SIZE
-        return RobotSlot(self._memory[start:start + RobotSlot.SIZE])
 
 
 class NullGuardian:

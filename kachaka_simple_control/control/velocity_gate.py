@@ -22,7 +22,7 @@ import threading
 import time
 
 from kachaka_simple_control.control.events import Event, VelocityKind, VelocitySent
-from kachaka_simple_control.control.guardian import Latch, SharedFlag
+from kachaka_simple_control.control.guardian_memory import Latch, SharedFlag
 from kachaka_simple_control.control.processes import boottime
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import PUBLISH_TIMEOUT

@@ -37,7 +37,7 @@ from typing import BinaryIO, cast
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.control.events import Event, SessionEnded, VelocityKind, VelocitySent
-from kachaka_simple_control.control.guardian import GuardianMemory
+from kachaka_simple_control.control.guardian_memory import GuardianMemory
 from kachaka_simple_control.control.output import make_nonblocking, STDERR
 from kachaka_simple_control.control.processes import lower_priority
 from kachaka_simple_control.control.waiting import wait_until

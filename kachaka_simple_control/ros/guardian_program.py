@@ -35,7 +35,7 @@ import sys
 import threading
 import time
 
-from kachaka_simple_control.control.guardian import GuardianMemory, RobotSlot
+from kachaka_simple_control.control.guardian_memory import GuardianMemory, RobotSlot
 from kachaka_simple_control.control.processes import boottime, is_stopped
 from kachaka_simple_control.control.signals import run_in_threads, wakeup_pipe
 from kachaka_simple_control.control.stop import send_stop

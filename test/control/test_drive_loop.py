@@ -26,7 +26,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.control.drive_loop import DriveLoop, Sleeper
 from kachaka_simple_control.control.events import VelocityKind, VelocitySent
-from kachaka_simple_control.control.guardian import Latch
+from kachaka_simple_control.control.guardian_memory import Latch
 from kachaka_simple_control.control.hand_source import HandSource
 from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.speed_factor import SpeedFactor

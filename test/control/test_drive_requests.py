@@ -17,7 +17,7 @@ import threading
 
 from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control.drive_requests import DriveRequests
-from kachaka_simple_control.control.guardian import Latch
+from kachaka_simple_control.control.guardian_memory import Latch
 from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.motion.limits import Limits

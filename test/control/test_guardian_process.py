@@ -17,7 +17,8 @@ import os
 import sys
 import tempfile
 
-from kachaka_simple_control.control.guardian import GuardianMemory, GuardianProcess
+from kachaka_simple_control.control.guardian import GuardianProcess
+from kachaka_simple_control.control.guardian_memory import GuardianMemory
 from kachaka_simple_control.control.processes import boottime, is_running
 from kachaka_simple_control.control.watchdog import GuardianMessage
 from kachaka_simple_control.errors import RunFaultError

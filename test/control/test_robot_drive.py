@@ -19,7 +19,7 @@ import math
 from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control.drive_loop import DriveLoop
 from kachaka_simple_control.control.events import MotionStarted, VelocitySent
-from kachaka_simple_control.control.guardian import Latch
+from kachaka_simple_control.control.guardian_memory import Latch
 from kachaka_simple_control.control.robot_drive import RobotDrive, RunState
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.tick_scheduler import TickScheduler

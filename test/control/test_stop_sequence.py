@@ -16,7 +16,7 @@
 from itertools import pairwise
 
 from fake_time import FakePublisher, FakeTime
-from kachaka_simple_control.control.guardian import Latch
+from kachaka_simple_control.control.guardian_memory import Latch
 from kachaka_simple_control.control.stop import StopController
 from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import MotionRefusedError

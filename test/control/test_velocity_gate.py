@@ -21,7 +21,7 @@ import threading
 from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control import signals
 from kachaka_simple_control.control.events import VelocityKind, VelocitySent
-from kachaka_simple_control.control.guardian import Latch, SharedFlag
+from kachaka_simple_control.control.guardian_memory import Latch, SharedFlag
 from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import HELD_UP_ADVICE, MotionRefusedError, RunFaultError
 from kachaka_simple_control.motion.calibration import Calibration

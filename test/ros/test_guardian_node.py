@@ -23,7 +23,8 @@ import tempfile
 import threading
 import time
 
-from kachaka_simple_control.control.guardian import GuardianMemory, GuardianProcess
+from kachaka_simple_control.control.guardian import GuardianProcess
+from kachaka_simple_control.control.guardian_memory import GuardianMemory
 from kachaka_simple_control.control.processes import (
     child_environment,
     is_running,
