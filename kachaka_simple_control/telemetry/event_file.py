@@ -14,12 +14,13 @@
 """
 Keep the events of a drive on disk, for a table at its end.
 
-Tested by test/ros/test_session.py.
+Tested by test/telemetry/test_subscriber_process.py.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+import errno
 import io
 import os
 import tempfile
@@ -48,7 +49,9 @@ class EventFile:
         :raises OSError: if the disk is full
         """
         for packet in encode(event):
-            self._file.write(packet)
+            # A full disk may still take a part.
+            if self._file.write(packet) < len(packet):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def events(self) -> Iterator[Event]:
         """Yield all events that were sent so far, in order."""

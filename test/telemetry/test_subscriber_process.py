@@ -15,6 +15,7 @@
 
 import contextlib
 import io
+import resource
 import sys
 import threading
 
@@ -32,6 +33,7 @@ from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.telemetry.event_bus import EventBus
+from kachaka_simple_control.telemetry.event_file import EventFile
 from kachaka_simple_control.telemetry.subscriber_process import (
     ATOMIC_WRITE_SIZE,
     decode,
@@ -71,6 +73,18 @@ def test_an_event_that_was_cut_off_is_dropped():
     """The program that sent it was killed."""
     data = b''.join(encode(MotionStarted(1.0)) + encode(LONG))
     assert list(decode(io.BytesIO(data[:-100]))) == [MotionStarted(1.0)]
+
+
+def test_a_full_disk_is_an_error_even_if_it_takes_a_part():
+    file, limits = EventFile(), resource.getrlimit(resource.RLIMIT_FSIZE)
+    file.send(MotionStarted(1.0))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200, limits[1]))
+    try:
+        with pytest.raises(OSError, match='No space left on device'):
+            file.send(LONG)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert list(file.events()) == [MotionStarted(1.0)]
 
 
 def test_a_subscriber_receives_all_events():
