@@ -242,6 +242,18 @@ def program(command: list[str], scratch: Path, folder: Path | None = None) -> Pr
     return Program(command, scratch / 'log.txt', cwd=folder)
 
 
+def without(modules: Sequence[str], text: str) -> list[str]:
+    """Return the command of a Python program that cannot import some modules."""
+    return [sys.executable, '-c', f"""
+import sys
+class Block:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition('.')[0] in {modules!r}:
+            raise ModuleNotFoundError(f'No module named {{name!r}}', name=name)
+sys.meta_path.insert(0, Block())
+{text}"""]
+
+
 def children_of(pid: int) -> list[int]:
     """Return the ids of the child processes that a process has not reaped."""
     children: list[int] = []

@@ -51,6 +51,7 @@ COMMON = {
     'rclpy.signals': {'SignalHandlerOptions', 'uninstall_signal_handlers'},
     'rclpy.subscription': {'Subscription'},
     'rclpy.task': {'Future'},
+    'rclpy.topic_endpoint_info': {'TopicEndpointInfo'},
     'rclpy.utilities': {'get_rmw_implementation_identifier', 'remove_ros_args'},
     'rclpy.validate_namespace': {'validate_namespace'},
     'std_msgs.msg': {'Float64', 'String'},

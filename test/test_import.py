@@ -17,17 +17,9 @@ import ast
 import subprocess
 import sys
 
-from program import environment, program, ROOT
+from program import environment, program, ROOT, without
 import pytest
 
-BLOCK = """
-import sys
-class Block:
-    def find_spec(self, name, path=None, target=None):
-        if name.partition('.')[0] in {blocked!r}:
-            raise ModuleNotFoundError(f'{{name}} is blocked', name=name)
-sys.meta_path.insert(0, Block())
-"""
 ROS = ('rclpy', 'geometry_msgs', 'std_srvs', 'nav_msgs', 'rcl_interfaces')
 #: What a person may have installed, and rclpy does without (it uses yaml and numpy itself).
 OTHERS = (
@@ -36,15 +28,15 @@ OTHERS = (
 
 
 def test_importing_the_package_and_planning_need_no_ros():
-    text = BLOCK.format(blocked=ROS) + """
+    command = without(ROS, """
 import kachaka_simple_control as ksc
 # Nothing before it is asked for: until a command's code runs, Ctrl+C prints a traceback.
 assert not [name for name in sys.modules if name.startswith('kachaka_simple_control.')]
 plan = ksc.plan(ksc.Motion('one', (ksc.Move(0.1, 0.0, 1.0),)), ksc.Limits(0.3, 1.57), 10.0)
 assert abs(plan.path()[-1].x - 0.1) < 1e-12
 assert 'rclpy' not in sys.modules
-"""
-    subprocess.run([sys.executable, '-c', text], check=True, env=environment())
+""")
+    subprocess.run(command, check=True, env=environment())
 
 
 def test_every_public_name_is_there():
@@ -59,13 +51,12 @@ def test_every_public_name_is_there():
 
 
 def test_without_ros_the_command_says_what_is_missing():
-    text = BLOCK.format(blocked=ROS) + """
+    command = without(ROS, """
 from kachaka_simple_control.commands.drive_or_preview import main
 sys.exit(main([]))
-"""
+""")
     ended = subprocess.run(
-        [sys.executable, '-c', text], check=False, env=environment(), capture_output=True,
-        text=True)
+        command, check=False, env=environment(), capture_output=True, text=True)
     assert ended.returncode == 2
     (line,) = ended.stderr.splitlines()
     assert 'needs ROS 2' in line
@@ -76,20 +67,19 @@ sys.exit(main([]))
 @pytest.mark.parametrize('arguments', [
     ['--list'], ['square', '--plan', '--ros-args', '-p', 'rate:=20']])
 def test_previews_need_no_ros(arguments):
-    text = BLOCK.format(blocked=ROS) + f"""
+    command = without(ROS, f"""
 from kachaka_simple_control.commands.drive_or_preview import main
 sys.exit(main({arguments!r}))
-"""
+""")
     ended = subprocess.run(
-        [sys.executable, '-c', text], check=False, env=environment(), capture_output=True,
-        text=True)
+        command, check=False, env=environment(), capture_output=True, text=True)
     assert (ended.returncode, ended.stderr) == (0, '')
     assert 'square' in ended.stdout
 
 
 @pytest.mark.ros
 def test_a_robot_is_moved_with_every_other_dependency_blocked(listener, tmp_path):
-    text = BLOCK.format(blocked=OTHERS) + """
+    command = without(OTHERS, """
 import rclpy
 from kachaka_simple_control import KachakaSimpleControl
 rclpy.init()
@@ -97,8 +87,8 @@ node = KachakaSimpleControl()
 node.move_robot(0.1, 0.0, 0.5)
 node.move_robot(0.0, 0.5, 0.5)
 node.stop_robot()
-"""
-    with program([sys.executable, '-c', text], tmp_path) as started:
+""")
+    with program(command, tmp_path) as started:
         assert started.end() == 0, started.text
     assert len(listener.moves()) == 2
 

@@ -117,8 +117,7 @@ class Session:
             node.get_logger().warning)
         self._stopper.on_stopped = self._judge.on_stopped
         self._lease = LeaseRenewer(
-            lambda: self._manual_control.request(True),
-            profile.command_timeout)
+            lambda: self._manual_control.request(True), profile.command_timeout)
         #: the speed relative to the plan: the product of named factors
         self.speed_factor = SpeedFactor()
         self._monitor = RunMonitor(
@@ -158,8 +157,9 @@ class Session:
 
     def request(self, elsewhere: bool = False) -> DriveRequest:
         """
-        Request a drive (``elsewhere``: of another thread); a stop ends it before ``drive`` runs.
+        Request a drive, so that a stop ends it even before ``drive`` runs.
 
+        :param elsewhere: whether another thread will call ``drive``
         :raises ControlError: if another drive is under way, no motion may start any more, or the
             calling thread runs a callback of the node and so cannot drive
         """
@@ -320,7 +320,7 @@ class Session:
         return self._stopper.is_stopping
 
     def stop_permanently(self, reason: errors.ControlError) -> None:
-        """Stop the robot; each later motion raises the reason, of which the first one counts."""
+        """Stop the robot for good: each later motion raises the first reason given."""
         self._stopped_by = self._stopped_by or reason
         self._stopped.set()
         self._guardian.latch.trip()
@@ -343,7 +343,7 @@ class Session:
         self._end.on_odometry(pose)
 
     def check_resume(self, even_if_moved: bool) -> None:
-        """Raise why a paused motion may not go on (or, without one, why nothing may move)."""
+        """Raise an error if a paused motion may not go on, or if nothing may move any more."""
         self.require_not_stopped()
         if not self._requests.is_busy or not self._connection.is_taken:
             return
@@ -354,7 +354,7 @@ class Session:
             self._monitor.pause_pose.require_not_moved()
 
     def require_not_stopped(self) -> None:
-        """Raise what has stopped the robot for good, if anything; ENDED after ``close``."""
+        """Raise what has stopped the robot for good, if anything; also after ``close``."""
         if self._stopped_by is not None:
             raise self._stopped_by
         if self._guardian.stopped_because is not None:
@@ -391,7 +391,7 @@ class Session:
         self.require_not_stopped()
 
     def require_robot(self, participant: Callable[[], bytes | None]) -> None:
-        """Accept only the robot with a DDS participant; None while it is not known."""
+        """Accept no robot but that with a DDS participant; none while it is not known."""
         self._discovery.require_participant(participant)
 
     @property

@@ -166,9 +166,11 @@ def test_what_was_measured_is_written_even_if_it_cannot_be_printed(run, monkeypa
 
 @pytest.mark.ros
 @pytest.mark.needs('rclpy')
-def test_interrupted_it_stops_the_robot_and_writes_nothing(listener, tmp_path):
+@pytest.mark.parametrize('words', [
+    [], ['floor', '--measured', '1 m', '--measured', '358 deg']])
+def test_interrupted_it_stops_the_robot_and_writes_nothing(words, listener, tmp_path):
     file = tmp_path / 'own.yaml'
-    with program([*COMMAND, '--yes', '--output', str(file)], tmp_path) as started:
+    with program([*COMMAND, *words, '--yes', '--output', str(file)], tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)
         started.send(signal.SIGINT)
         assert started.end() == 130, started.text

@@ -16,7 +16,6 @@
 import io
 import math
 import re
-import signal
 import sys
 
 from kachaka_simple_control.analysis import odometry_fit
@@ -29,13 +28,12 @@ from kachaka_simple_control.files.robot_profile import find_robot
 from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.motion.geometry import advance, ORIGIN
 from kachaka_simple_control.motion.plan import plan
-from program import call, program
+from program import call
 import pytest
 from terminals import Typed
 
 pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
-COMMAND = (sys.executable, '-m', 'kachaka_simple_control.commands.calibrate')
 WORN = OdometryCalibration(0.98, 1.004, 1.02, 0.2)
 KNOWN = ('extends: kachaka  # mine\ncalibration: {left_gain: 0.9}\n'
          'odometry_calibration: {scale: 0.98, track_ratio: 1.01, floor: oak}\n')
@@ -258,17 +256,3 @@ def test_what_cannot_be_is_refused_before_anything_moves(run, tmp_path, words, l
     assert (code, errors, driven) == (2, f'kachaka_calibrate: {line}\n', [])
     # What would be driven may have been shown.
     assert output == '' or '--yes' in line
-
-
-@pytest.mark.ros
-@pytest.mark.needs('rclpy')
-def test_interrupted_it_stops_the_robot_and_writes_nothing(listener, tmp_path):
-    file = tmp_path / 'own.yaml'
-    with program([*COMMAND, 'floor', '--yes', '--output', str(file), '--measured', '1 m',
-                  '--measured', '358 deg'], tmp_path) as started:
-        listener.wait_for(lambda velocity: velocity.moves)
-        started.send(signal.SIGINT)
-        assert started.end() == 130, started.text
-    assert not listener.received[-1].moves
-    assert 'written' not in started.text
-    assert not file.exists()

@@ -16,26 +16,15 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 
-from program import environment
+from program import environment, without
 import pytest
-
-BLOCK = """
-import sys
-class Block:
-    def find_spec(self, name, path=None, target=None):
-        if name.partition('.')[0] in {blocked!r}:
-            raise ModuleNotFoundError(f'{{name}} is blocked', name=name)
-sys.meta_path.insert(0, Block())
-"""
 
 
 def run(text: str, *blocked: str) -> str:
     """Return what a program prints that cannot import some modules."""
     result = subprocess.run(
-        [sys.executable, '-c', BLOCK.format(blocked=blocked) + text], check=True, text=True,
-        env=environment(), capture_output=True)
+        without(blocked, text), check=True, text=True, env=environment(), capture_output=True)
     return result.stdout
 
 

@@ -20,19 +20,13 @@ import socket
 import subprocess
 import sys
 
-from program import environment, program
+from program import environment, program, without
 import pytest
 
 pytestmark = pytest.mark.real_time
 
 COMMAND = [sys.executable, '-m', 'kachaka_simple_control.kachaka.sim_command']
-BLOCKED = """
-import sys
-class Block:
-    def find_spec(self, name, path=None, target=None):
-        if name.partition('.')[0] in {names!r}:
-            raise ModuleNotFoundError(f'No module named {{name!r}}', name=name)
-sys.meta_path.insert(0, Block())
+START = """
 sys.argv = ['kachaka_sim', '--grpc-port', '0']
 from kachaka_simple_control.kachaka.sim_command import main
 sys.exit(main())
@@ -60,7 +54,7 @@ def test_a_signal_ends_it_cleanly(signum, tmp_path):
     """While a client waits; it needs no ROS."""
     kachaka_api = needs_sdk()
     ros = ('rclpy', 'geometry_msgs', 'nav_msgs', 'std_srvs')
-    with program([sys.executable, '-c', BLOCKED.format(names=ros)], tmp_path) as robot:
+    with program(without(ros, START), tmp_path) as robot:
         robot.wait_for_text('ready: simulated Kachaka at 127.0.0.1:')
         address = robot.text.split()[-1]
         stub = kachaka_api.KachakaApiClient(address).stub
@@ -120,8 +114,8 @@ def test_invalid_options_are_refused_in_one_line(arguments, words):
 def test_without_the_sdk_it_prints_how_to_install_it(name):
     needs_sdk()
     result = subprocess.run(
-        [sys.executable, '-c', BLOCKED.format(names=(name,))], capture_output=True, text=True,
-        env=environment(), check=False, timeout=60)
+        without((name,), START), capture_output=True, text=True, env=environment(), check=False,
+        timeout=60)
     assert result.returncode == 1
     assert result.stderr.count('\n') == 1, result.stderr
     assert name in result.stderr

@@ -130,8 +130,8 @@ def test_nothing_publishes_beside_the_velocity_gate(listener, make):
     assert listener.received == []
 
 
-def test_stopping_in_another_thread_ends_the_movement_there(listener, make):
-    node = make()
+def start_driving(node):
+    """Drive in another thread; return it, and a list that will hold the text of its error."""
     raised = []
 
     def drive():
@@ -142,6 +142,12 @@ def test_stopping_in_another_thread_ends_the_movement_there(listener, make):
 
     thread = threading.Thread(target=drive)
     thread.start()
+    return thread, raised
+
+
+def test_stopping_in_another_thread_ends_the_movement_there(listener, make):
+    node = make()
+    thread, raised = start_driving(node)
     listener.wait_for(lambda velocity: velocity.moves)
     node.stop_robot()
     thread.join(2.0)
@@ -156,16 +162,7 @@ def test_a_stop_ends_a_movement_that_still_waits_for_its_robot(make):
     """A robot that comes later is not even taken."""
     from listener import Listener
     node = make()
-    raised = []
-
-    def drive():
-        try:
-            node.move_robot(0.1, 0.0, 1.0)
-        except MotionRefusedError as error:
-            raised.append(str(error))
-
-    thread = threading.Thread(target=drive)
-    thread.start()
+    thread, raised = start_driving(node)
     time.sleep(0.3)
     node.stop_robot()
     with Listener() as late:
