@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Describe the machine and the software versions of a run."""
+"""Describe the machine and the software versions of a run, and keep the machine busy."""
 
 from __future__ import annotations
 
@@ -26,6 +26,8 @@ import sys
 
 from kachaka_simple_control.version import ros_distro
 
+#: The packages whose versions are described.
+PACKAGES = ('rclpy', 'ros-rmw-fastrtps-cpp', 'ros-fastrtps', 'geometry_msgs')
 #: The program of a busy process, which ends by itself, also if its parent was killed.
 WORK = """
 import sys, time
@@ -33,22 +35,6 @@ end = time.monotonic() + float(sys.argv[1])
 while time.monotonic() < end:
     pass
 """
-
-
-@contextlib.contextmanager
-def busy(count: int, max_duration: float = 600.0) -> Iterator[None]:
-    """Run busy processes during the ``with`` block, for a longest duration [s]."""
-    processes = [
-        subprocess.Popen([sys.executable, '-c', WORK, str(max_duration)]) for _ in range(count)]
-    try:
-        yield
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
-
-
-PACKAGES = ('rclpy', 'ros-rmw-fastrtps-cpp', 'ros-fastrtps', 'geometry_msgs')
 
 
 def describe() -> dict[str, str]:
@@ -76,3 +62,16 @@ def version(package: str) -> str:
         return f'{package} {metadata.version(package)}'
     except metadata.PackageNotFoundError:
         return ''
+
+
+@contextlib.contextmanager
+def busy(count: int, max_duration: float = 600.0) -> Iterator[None]:
+    """Run busy processes during the ``with`` block, for a longest duration [s]."""
+    processes = [
+        subprocess.Popen([sys.executable, '-c', WORK, str(max_duration)]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Measure the CPU time, the messages and the memory of a block of code."""
+"""Measure CPU time, messages and memory of a block of code, and sleep until an exact time."""
 
 from __future__ import annotations
 
@@ -27,29 +27,6 @@ from rclpy.publisher import Publisher
 
 TIMER_ABSTIME = 1
 BILLION = 1_000_000_000
-
-
-class _Timespec(ctypes.Structure):
-    _fields_ = [('seconds', ctypes.c_long), ('nanoseconds', ctypes.c_long)]
-
-
-_sleep = ctypes.CDLL(None).clock_nanosleep
-_sleep.argtypes = [
-    ctypes.c_int, ctypes.c_int, ctypes.POINTER(_Timespec), ctypes.POINTER(_Timespec)]
-
-
-def sleep_until(deadline: int) -> None:
-    """
-    Sleep until a time on the clock of ``time.monotonic_ns`` [ns].
-
-    :raises OSError: if the system call fails
-    """
-    request = _Timespec(*divmod(deadline, BILLION))
-    code = errno.EINTR
-    while code == errno.EINTR:
-        code = _sleep(time.CLOCK_MONOTONIC, TIMER_ABSTIME, ctypes.byref(request), None)
-    if code:
-        raise OSError(code, os.strerror(code))
 
 
 class ResourceMeter:
@@ -116,3 +93,26 @@ def peak_memory(pid: int) -> float:
         return 0.0
     lines = [line for line in status.splitlines() if line.startswith('VmHWM')]
     return int(lines[0].split()[1]) / 1000 if lines else 0.0
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = [('seconds', ctypes.c_long), ('nanoseconds', ctypes.c_long)]
+
+
+_sleep = ctypes.CDLL(None).clock_nanosleep
+_sleep.argtypes = [
+    ctypes.c_int, ctypes.c_int, ctypes.POINTER(_Timespec), ctypes.POINTER(_Timespec)]
+
+
+def sleep_until(deadline: int) -> None:
+    """
+    Sleep until a time on the clock of ``time.monotonic_ns`` [ns].
+
+    :raises OSError: if the system call fails
+    """
+    request = _Timespec(*divmod(deadline, BILLION))
+    code = errno.EINTR
+    while code == errno.EINTR:
+        code = _sleep(time.CLOCK_MONOTONIC, TIMER_ABSTIME, ctypes.byref(request), None)
+    if code:
+        raise OSError(code, os.strerror(code))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The independent observer: the robot of the tests, in another process than the loops."""
+"""The robot, which receives the velocities of the loops, and the process of each loop."""
 
 from __future__ import annotations
 
@@ -26,31 +26,9 @@ from benchmarks.wire import Row
 from listener import Listener
 from program import JsonProcess
 
-
-class LoopProcess(JsonProcess):
-    """The process of one loop."""
-
-    def __init__(self, name: str, mode: str, rate: float, namespace: str) -> None:
-        self.name = name
-        self.started = time.time()
-        super().__init__([
-            sys.executable, '-m', 'benchmarks.loop_process', name, mode, str(rate), namespace],
-            cwd=ROOT)
-
-    def move(self, durations: list[float]) -> dict[str, Any]:
-        """Make the loop move for durations [s]; return the used resources and the faults."""
-        self.write(durations)
-        costs: dict[str, Any] = self.read(20.0 + 3.0 * sum(durations))
-        return costs
-
-    def wait(self, timeout: float) -> None:
-        """Wait until the process ends by itself; print its output if it fails."""
-        if self.end(timeout) != 0:
-            print(f'\n{self.name} ended with {self.process.returncode}; {self}')
-
-
 #: The time between the start of a robot and the start of a program [s].
 SETTLING_TIME = 2.0
+#: The numbers of the namespaces.
 _NUMBERS = itertools.count(1)
 
 
@@ -95,3 +73,25 @@ def robots(count: int, lasting: bool) -> Iterator[Robot]:
         with Robot() as robot:
             time.sleep(SETTLING_TIME)
             yield from itertools.repeat(robot, count if lasting else 1)
+
+
+class LoopProcess(JsonProcess):
+    """The process of one loop."""
+
+    def __init__(self, name: str, mode: str, rate: float, namespace: str) -> None:
+        self.name = name
+        self.started = time.time()
+        super().__init__([
+            sys.executable, '-m', 'benchmarks.loop_process', name, mode, str(rate), namespace],
+            cwd=ROOT)
+
+    def move(self, durations: list[float]) -> dict[str, Any]:
+        """Make the loop move for durations [s]; return the used resources and the faults."""
+        self.write(durations)
+        costs: dict[str, Any] = self.read(20.0 + 3.0 * sum(durations))
+        return costs
+
+    def wait(self, timeout: float) -> None:
+        """Wait until the process ends by itself; print its output if it fails."""
+        if self.end(timeout) != 0:
+            print(f'\n{self.name} ended with {self.process.returncode}; {self}')

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Save the results of a run, and write them into a documentation page."""
+"""The scales of a run; save its results, write them into a documentation page, show progress."""
 
 from __future__ import annotations
 
@@ -23,6 +23,10 @@ import sys
 from typing import Any
 
 from benchmarks import ROOT
+
+RESULTS = ROOT / 'benchmarks' / 'results'
+BEGIN = '<!-- measured: written by make bench, changes here are lost -->'
+END = '<!-- measured: end -->'
 
 
 @dataclass(frozen=True)
@@ -55,19 +59,6 @@ QUICK = Scale(
     moves={10: 4, 100: 4, 1000: 1},
     loaded={100: 2}, busy=2, turn=2, starts=3, killed=2, others=1, signals=10,
     firsts=1, late=1, plans=(360, 3600))
-
-
-def show(text: str, number: int, count: int) -> None:
-    """Print a text with number and count, in place on a terminal; elsewhere only at the end."""
-    if sys.stdout.isatty():
-        print(f'\r{text}: {number} of {count}', end='' if number < count else '\n', flush=True)
-    elif number == count:
-        print(f'{text}: {count}', flush=True)
-
-
-RESULTS = ROOT / 'benchmarks' / 'results'
-BEGIN = '<!-- measured: written by make bench, changes here are lost -->'
-END = '<!-- measured: end -->'
 
 
 def today() -> str:
@@ -110,3 +101,11 @@ def updated(page: str, measured: str, begin: str = BEGIN, end: str = END) -> str
     head, _, rest = page.partition(begin)
     _, _, tail = rest.partition(end)
     return f'{head}{begin}\n\n{measured.strip()}\n\n{end}{tail}'
+
+
+def show(text: str, number: int, count: int) -> None:
+    """Print a text with number and count, in place on a terminal; elsewhere only at the end."""
+    if sys.stdout.isatty():
+        print(f'\r{text}: {number} of {count}', end='' if number < count else '\n', flush=True)
+    elif number == count:
+        print(f'{text}: {count}', flush=True)

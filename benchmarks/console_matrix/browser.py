@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A headless Chromium with the page of a console, driven by real keys."""
+"""A Chromium with the page of a console and real key events, and a screen for its windows."""
 
 from __future__ import annotations
 
@@ -32,39 +32,11 @@ from console.page_browser import Page
 from selenium.common.exceptions import WebDriverException
 from waiting import poll
 
-PROGRAMS = ('Xvfb', 'openbox')
-SIZE = '1280x900x24'
-SCREEN_IS_HERE = all(map(shutil.which, PROGRAMS))
-SCREEN_MISSING = f'needs {" and ".join(PROGRAMS)}: make browser'
-
-
-class Screen:
-    """A virtual X11 screen with a window manager."""
-
-    def __init__(self) -> None:
-        reading, writing = os.pipe()
-        self._server = subprocess.Popen(
-            ['Xvfb', '-displayfd', str(writing), '-screen', '0', SIZE, '-nolisten', 'tcp'],
-            pass_fds=[writing], stderr=subprocess.DEVNULL)
-        os.close(writing)
-        with os.fdopen(reading) as stream:
-            self.display = f':{stream.readline().strip()}'
-        self._manager = subprocess.Popen(
-            ['openbox'], env={**os.environ, 'DISPLAY': self.display}, stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL)
-
-    def close(self) -> None:
-        """End the window manager and the screen."""
-        for process in (self._manager, self._server):
-            process.terminate()
-            process.wait()
-
-
-#: How long the page may take for anything [s].
+#: The longest time for any reaction of the page [s].
 PATIENCE = 20.0
-#: How often the drive process is started: on a busy machine its guardian may end it.
+#: How often the drive process is started; on a busy machine its guardian may end it.
 MAX_STARTS = 3
-#: Records what the browser itself tells the page; each event says whether it is a real one.
+#: Records the events of the page, and whether the browser itself caused each.
 WATCH = """
 window.seen = [];
 for (const type of [
@@ -75,12 +47,18 @@ for (const type of [
       window.seen.push([type, event.isTrusted]);
   }, true);
 """
+#: The key for forward.
 KEY = {'key': 'w', 'code': 'KeyW', 'windowsVirtualKeyCode': 87}
+#: The programs that a screen needs.
+PROGRAMS = ('Xvfb', 'openbox')
+SIZE = '1280x900x24'
+SCREEN_IS_HERE = all(map(shutil.which, PROGRAMS))
+SCREEN_MISSING = f'needs {" and ".join(PROGRAMS)}: make browser'
 
 
 class Browser:
     """
-    A browser of its own: a new profile, and processes that a trial may freeze or kill.
+    A browser with a new profile, and with processes that a trial may freeze or kill.
 
     :param display: the X11 screen for its windows; None for a browser without windows
     """
@@ -252,3 +230,25 @@ def command_line(pid: int) -> bytes:
     with contextlib.suppress(OSError):
         return Path(f'/proc/{pid}/cmdline').read_bytes()
     return b''
+
+
+class Screen:
+    """A virtual X11 screen with a window manager."""
+
+    def __init__(self) -> None:
+        reading, writing = os.pipe()
+        self._server = subprocess.Popen(
+            ['Xvfb', '-displayfd', str(writing), '-screen', '0', SIZE, '-nolisten', 'tcp'],
+            pass_fds=[writing], stderr=subprocess.DEVNULL)
+        os.close(writing)
+        with os.fdopen(reading) as stream:
+            self.display = f':{stream.readline().strip()}'
+        self._manager = subprocess.Popen(
+            ['openbox'], env={**os.environ, 'DISPLAY': self.display}, stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL)
+
+    def close(self) -> None:
+        """End the window manager and the screen."""
+        for process in (self._manager, self._server):
+            process.terminate()
+            process.wait()

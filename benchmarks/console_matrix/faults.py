@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Inject faults into browser, link and console while a hand drives, and check the results."""
+"""Rows in which the page drives by hand, and the faults of browser, link and console."""
 
 from __future__ import annotations
 
@@ -32,38 +32,6 @@ from benchmarks.console_matrix.stage import Stage
 from benchmarks.console_matrix.trial import Expectation, hand_trial, SpoiltError, Trial
 from kachaka_simple_control.control.processes import is_running
 
-TABLE = 'inet kachaka_console_matrix'
-
-
-def firewall_missing() -> str:
-    """Return what is needed to cut a link; empty if all is there."""
-    if shutil.which('nft') is None:
-        return 'needs nft: make browser'
-    if os.geteuid() != 0:
-        return 'needs root for nftables'
-    result = subprocess.run(
-        ['nft', 'list', 'tables'], capture_output=True, text=True, check=False)
-    return result.stderr.strip()
-
-
-@contextmanager
-def cut_packets(address: str, port: int) -> Iterator[float]:
-    """Drop all packets to and from an address and a port during a ``with`` block."""
-    rules = f"""
-        table {TABLE} {{
-            chain output {{
-                type filter hook output priority 0;
-                ip daddr {address} tcp dport {port} drop
-                ip saddr {address} tcp sport {port} drop
-            }}
-        }}"""
-    subprocess.run(['nft', '-f', '-'], input=rules, text=True, check=True)
-    try:
-        yield time.time()
-    finally:
-        subprocess.run(['nft', 'delete', 'table', *TABLE.split()], check=True)
-
-
 #: How long the hand drives before the fault [s].
 TIME_TO_FAULT = (0.6, 0.9)
 #: How long the browser is frozen, and the link cut [s].
@@ -76,25 +44,8 @@ SETTLING_TIME = 1.0
 LATENCY = 0.2
 #: How long a drive process may go on without its console [s].
 DRIVE_EXIT = 5.0
-
-
-@dataclass
-class Injected:
-    """
-    An injected fault.
-
-    :param effect: from when on the console can pass nothing on [s, system clock]; None if the
-        fault is on the way to it
-    """
-
-    time: float
-    effect: float | None = None
-    broken: tuple[str, ...] = ()
-    note: str = ''
-    not_tried: str = ''
-
-
-Fault = Callable[[Stage], Injected]
+#: The name of the firewall's table.
+TABLE = 'inet kachaka_console_matrix'
 
 
 @dataclass(frozen=True)
@@ -134,6 +85,25 @@ class HandRow:
                        not_tried=injected.not_tried)
 
 
+@dataclass
+class Injected:
+    """
+    An injected fault.
+
+    :param effect: the time after which the console can pass nothing on [s, system clock]; None if
+        the fault is on the way to the console
+    """
+
+    time: float
+    effect: float | None = None
+    broken: tuple[str, ...] = ()
+    note: str = ''
+    not_tried: str = ''
+
+
+Fault = Callable[[Stage], Injected]
+
+
 def close_tab(stage: Stage) -> Injected:
     """Close the tab with the page."""
     fault = time.time()
@@ -169,17 +139,8 @@ def freeze_renderer(stage: Stage) -> Injected:
     return Injected(fault, note=f'{len(pids)} processes')
 
 
-@contextmanager
-def frozen(stage: Stage, pids: list[int]) -> Iterator[float]:
-    """Freeze processes of the browser during a ``with`` block, and yield when [s]."""
-    try:
-        yield stage.browser.signal(signal.SIGSTOP, pids)
-    finally:
-        stage.browser.signal(signal.SIGCONT, pids)
-
-
 def freeze_page(stage: Stage) -> Injected:
-    """Freeze the page as a browser does with tabs in the background, and thaw it later."""
+    """Freeze the page as a browser does with tabs in the background, and continue it later."""
     def set_state(state: str) -> None:
         stage.browser.command('Page.setWebLifecycleState', state=state)
     return _for_a_while(stage, lambda: set_state('frozen'), lambda: set_state('active'), 'freeze')
@@ -213,38 +174,15 @@ def open_menu(stage: Stage) -> Injected:
 
 
 def lose_release(stage: Stage) -> Injected:
-    """Let the key repeat, and then tell the page nothing of it, as a menu of the browser does."""
+    """Let the key repeat, and then send the page no key event, as a menu of the browser does."""
     stage.browser.repeat(SETTLING_TIME)
     fault = time.time()
     time.sleep(SETTLING_TIME)
     return Injected(fault)
 
 
-def _for_a_while(
-        stage: Stage, begin: Callable[[], object], end: Callable[[], object],
-        wanted: str) -> Injected:
-    """Begin something that the browser tells the page, and end it later."""
-    fault = time.time()
-    begin()
-    time.sleep(FREEZE)
-    end()
-    stage.browser.repeat(SETTLING_TIME)
-    return _with_events(stage, Injected(fault), wanted)
-
-
-def _with_events(stage: Stage, injected: Injected, wanted: str) -> Injected:
-    """Note the real events that the page got; without the wanted one nothing was tried."""
-    seen = stage.browser.seen()
-    injected.note = 'the page got ' + (', '.join(dict.fromkeys(seen)) or 'no event')
-    if wanted not in seen:
-        injected.not_tried = (
-            f'the browser told the page nothing of it (no real event {wanted!r}); without windows '
-            f'it does not: it {SCREEN_MISSING}')
-    return injected
-
-
 def cut_link(stage: Stage) -> Injected:
-    """Let the proxy pass nothing on in either direction, and all of it later."""
+    """Hold back all bytes in both directions, and pass them on later."""
     fault = stage.console.proxy.hold()
     stage.browser.repeat(FREEZE)
     stage.console.proxy.release()
@@ -290,7 +228,7 @@ def kill_console(stage: Stage) -> Injected:
 
 
 def freeze_console(stage: Stage) -> Injected:
-    """Freeze the console for 1 s, and thaw it."""
+    """Freeze the console for 1 s, and continue it."""
     fault = stage.console.signal(signal.SIGSTOP)
     try:
         stage.browser.repeat(LAG)
@@ -298,3 +236,64 @@ def freeze_console(stage: Stage) -> Injected:
         stage.console.signal(signal.SIGCONT)
     stage.browser.repeat(SETTLING_TIME)
     return Injected(fault, fault)
+
+
+@contextmanager
+def frozen(stage: Stage, pids: list[int]) -> Iterator[float]:
+    """Freeze processes of the browser during a ``with`` block, and yield when [s]."""
+    try:
+        yield stage.browser.signal(signal.SIGSTOP, pids)
+    finally:
+        stage.browser.signal(signal.SIGCONT, pids)
+
+
+def _for_a_while(
+        stage: Stage, begin: Callable[[], object], end: Callable[[], object],
+        wanted: str) -> Injected:
+    """Begin something that causes an event of the page, and end it later."""
+    fault = time.time()
+    begin()
+    time.sleep(FREEZE)
+    end()
+    stage.browser.repeat(SETTLING_TIME)
+    return _with_events(stage, Injected(fault), wanted)
+
+
+def _with_events(stage: Stage, injected: Injected, wanted: str) -> Injected:
+    """Note the real events that the page got; without the wanted event nothing was tried."""
+    seen = stage.browser.seen()
+    injected.note = 'the page got ' + (', '.join(dict.fromkeys(seen)) or 'no event')
+    if wanted not in seen:
+        injected.not_tried = (
+            f'the browser told the page nothing of it (no real event {wanted!r}); without windows '
+            f'it does not: it {SCREEN_MISSING}')
+    return injected
+
+
+def firewall_missing() -> str:
+    """Return what is missing to cut a link by the firewall; empty if nothing is missing."""
+    if shutil.which('nft') is None:
+        return 'needs nft: make browser'
+    if os.geteuid() != 0:
+        return 'needs root for nftables'
+    result = subprocess.run(
+        ['nft', 'list', 'tables'], capture_output=True, text=True, check=False)
+    return result.stderr.strip()
+
+
+@contextmanager
+def cut_packets(address: str, port: int) -> Iterator[float]:
+    """Drop all packets to and from an address and a port during a ``with`` block."""
+    rules = f"""
+        table {TABLE} {{
+            chain output {{
+                type filter hook output priority 0;
+                ip daddr {address} tcp dport {port} drop
+                ip saddr {address} tcp sport {port} drop
+            }}
+        }}"""
+    subprocess.run(['nft', '-f', '-'], input=rules, text=True, check=True)
+    try:
+        yield time.time()
+    finally:
+        subprocess.run(['nft', 'delete', 'table', *TABLE.split()], check=True)

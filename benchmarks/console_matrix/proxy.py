@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A TCP proxy between browser and console, which can cut the link and hold bytes back."""
+"""A TCP proxy between browser and console that can hold bytes back, and WebSocket frames."""
 
 from __future__ import annotations
 
@@ -26,99 +26,12 @@ import struct
 import threading
 import time
 
+#: The opcodes of frames.
 TEXT, CLOSE, PING, PONG = 1, 8, 9, 10
-
-
-def frame(payload: bytes, opcode: int = TEXT) -> bytes:
-    """Return a frame of a client, which is masked."""
-    size, mask = len(payload), os.urandom(4)
-    if size < 126:
-        head = struct.pack('!BB', 0x80 | opcode, 0x80 | size)
-    elif size < 65536:
-        head = struct.pack('!BBH', 0x80 | opcode, 0x80 | 126, size)
-    else:
-        head = struct.pack('!BBQ', 0x80 | opcode, 0x80 | 127, size)
-    return head + mask + _masked(payload, mask)
-
-
-class FrameReader:
-    """Splits a stream of bytes into frames.  Messages in several frames are not joined."""
-
-    def __init__(self) -> None:
-        self._rest = b''
-
-    def feed(self, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """Take the next bytes, and yield opcode and payload of each complete frame."""
-        self._rest += data
-        while (found := self._next()) is not None:
-            opcode, payload, self._rest = found
-            yield opcode, payload
-
-    def _next(self) -> tuple[int, bytes, bytes] | None:
-        data = self._rest
-        if len(data) < 2:
-            return None
-        size, start = data[1] & 0x7f, 2
-        if size >= 126:
-            width = 2 if size == 126 else 8
-            size, start = int.from_bytes(data[2:2 + width], 'big'), 2 + width
-        mask = b''
-        if data[1] & 0x80:
-            mask, start = data[start:start + 4], start + 4
-        if len(data) < start + size:
-            return None
-        payload = data[start:start + size]
-        return data[0] & 0x0f, _masked(payload, mask) if mask else payload, data[start + size:]
-
-
-def _masked(payload: bytes, mask: bytes) -> bytes:
-    size = len(payload)
-    key = (mask * (size // 4 + 1))[:size]
-    return (int.from_bytes(payload, 'big') ^ int.from_bytes(key, 'big')).to_bytes(size, 'big')
-
-
+#: The largest number of bytes that are read at once.
 SIZE = 65536
+#: The end of the header of an HTTP request.
 HEADER_END = b'\r\n\r\n'
-
-
-@dataclass(frozen=True)
-class PassedCommand:
-    """A velocity of the hand that was passed on to the console."""
-
-    time: float
-    linear_x: float
-    angular_z: float
-
-    @property
-    def moves(self) -> bool:
-        """Whether it asks for motion."""
-        return self.linear_x != 0.0 or self.angular_z != 0.0
-
-
-class _Connection:
-    """The two sockets of a connection: of the browser, and of the console."""
-
-    def __init__(self, browser: socket.socket, console: socket.socket) -> None:
-        self.browser, self.console = browser, console
-        self._header = b''
-        self._frames: FrameReader | None = None
-
-    def other(self, source: socket.socket) -> socket.socket:
-        """Return the socket to which the bytes of a socket belong."""
-        return self.console if source is self.browser else self.browser
-
-    def commands(self, data: bytes, now: float) -> list[PassedCommand]:
-        """Return the velocities of the hand in the next bytes of the browser."""
-        if self._frames is None:
-            self._header += data
-            head, separator, data = self._header.partition(HEADER_END)
-            if not separator or b'upgrade: websocket' not in head.lower():
-                return []
-            self._frames = FrameReader()
-        messages = [json.loads(payload) for opcode, payload in self._frames.feed(data)
-                    if opcode == TEXT]
-        return [PassedCommand(now, message['linear_x'], message['angular_z'])
-                for message in messages if message['type'] == 'hand']
 
 
 class Proxy:
@@ -216,3 +129,91 @@ class Proxy:
             with contextlib.suppress(KeyError, ValueError):
                 self._selector.unregister(one)
             one.close()
+
+
+class _Connection:
+    """The two sockets of a connection: of the browser, and of the console."""
+
+    def __init__(self, browser: socket.socket, console: socket.socket) -> None:
+        self.browser, self.console = browser, console
+        self._header = b''
+        self._frames: FrameReader | None = None
+
+    def other(self, source: socket.socket) -> socket.socket:
+        """Return the socket to which the bytes of a socket belong."""
+        return self.console if source is self.browser else self.browser
+
+    def commands(self, data: bytes, now: float) -> list[PassedCommand]:
+        """Return the velocities of the hand in the next bytes of the browser."""
+        if self._frames is None:
+            self._header += data
+            head, separator, data = self._header.partition(HEADER_END)
+            if not separator or b'upgrade: websocket' not in head.lower():
+                return []
+            self._frames = FrameReader()
+        messages = [json.loads(payload) for opcode, payload in self._frames.feed(data)
+                    if opcode == TEXT]
+        return [PassedCommand(now, message['linear_x'], message['angular_z'])
+                for message in messages if message['type'] == 'hand']
+
+
+@dataclass(frozen=True)
+class PassedCommand:
+    """A velocity of the hand that was passed on to the console."""
+
+    time: float
+    linear_x: float
+    angular_z: float
+
+    @property
+    def moves(self) -> bool:
+        """Whether it asks for motion."""
+        return self.linear_x != 0.0 or self.angular_z != 0.0
+
+
+class FrameReader:
+    """Splits a stream of bytes into frames.  Messages in several frames are not joined."""
+
+    def __init__(self) -> None:
+        self._rest = b''
+
+    def feed(self, data: bytes) -> Iterator[tuple[int, bytes]]:
+        """Take the next bytes, and yield opcode and payload of each complete frame."""
+        self._rest += data
+        while (found := self._next()) is not None:
+            opcode, payload, self._rest = found
+            yield opcode, payload
+
+    def _next(self) -> tuple[int, bytes, bytes] | None:
+        data = self._rest
+        if len(data) < 2:
+            return None
+        size, start = data[1] & 0x7f, 2
+        if size >= 126:
+            width = 2 if size == 126 else 8
+            size, start = int.from_bytes(data[2:2 + width], 'big'), 2 + width
+        mask = b''
+        if data[1] & 0x80:
+            mask, start = data[start:start + 4], start + 4
+        if len(data) < start + size:
+            return None
+        payload = data[start:start + size]
+        return data[0] & 0x0f, _masked(payload, mask) if mask else payload, data[start + size:]
+
+
+def frame(payload: bytes, opcode: int = TEXT) -> bytes:
+    """Return a frame of a client, which is masked."""
+    size, mask = len(payload), os.urandom(4)
+    if size < 126:
+        head = struct.pack('!BB', 0x80 | opcode, 0x80 | size)
+    elif size < 65536:
+        head = struct.pack('!BBH', 0x80 | opcode, 0x80 | 126, size)
+    else:
+        head = struct.pack('!BBQ', 0x80 | opcode, 0x80 | 127, size)
+    return head + mask + _masked(payload, mask)
+
+
+def _masked(payload: bytes, mask: bytes) -> bytes:
+    size = len(payload)
+    key = (mask * (size // 4 + 1))[:size]
+    return (int.from_bytes(payload, 'big') ^ int.from_bytes(key, 'big')).to_bytes(size, 'big')

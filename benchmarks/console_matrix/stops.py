@@ -11,13 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""STOP by a raw client: beside a flood, beside busy processes, and before the start."""
+"""Rows in which a raw client sends STOP, and the process that floods the console meanwhile."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-import contextlib
-from contextlib import AbstractContextManager, contextmanager, ExitStack
+from contextlib import AbstractContextManager, contextmanager, ExitStack, suppress
 from dataclasses import dataclass
 import json
 import random
@@ -35,32 +34,18 @@ from benchmarks.console_matrix.trial import Expectation, SpoiltError, Trial
 from benchmarks.machine import busy
 from program import environment
 
-#: A process that is forgotten ends by itself [s].
+#: The time after which a flood ends by itself [s].
 MAX_DURATION = 120.0
-#: What the console has to read and to drop: short and long, valid and invalid messages.
+#: The messages of a flood: short and long, valid and invalid.
 MESSAGES = (
     {'type': 'hand', 'sequence': 1, 'stamp': 1.0, 'linear_x': 0.3, 'angular_z': 0.0},
     {'type': 'list', 'id': 1}, {'type': 'nonsense'},
     {'type': 'preview', 'id': 2, 'text': 'steps:\n' + '- forward: 0.1 m\n' * 100},
     {'type': 'preview', 'id': 3, 'text': '#' * 60_000})
+#: What a flood sends at once.
 BURST = b''.join(frame(json.dumps({'v': 1, **message}).encode())
                  for message in (*MESSAGES[:4] * 10, MESSAGES[4]))
-
-
-def send_flood(port: int) -> None:
-    """Send without a pause, on a new connection whenever one is closed."""
-    end, is_first = time.monotonic() + MAX_DURATION, True
-    while time.monotonic() < end:
-        with contextlib.suppress(OSError, RefusedError):
-            client = RawClient(port)
-            client.send('hello')
-            if is_first:
-                print('flooding', flush=True)
-                is_first = False
-            while time.monotonic() < end:
-                client.send_bytes(BURST)
-
-
+#: The motion that is stopped.
 MOTION = 'name: long\nsteps: [forward: 20 m]\n'
 #: How long the robot drives before the STOP [s].
 TIME_TO_STOP = (0.5, 0.9)
@@ -70,21 +55,6 @@ SETTLING_TIME = 1.0
 WAIT_FOR_MOTION = 3.0
 #: The part of the time from the process's start to 'ready' in which the STOP comes.
 PART_OF_START = (0.02, 0.95)
-
-
-@contextmanager
-def flood(console: ConsoleRun) -> Iterator[None]:
-    """Flood the console from another process during a ``with`` block."""
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'benchmarks.console_matrix.stops', str(console.port)], cwd=ROOT,
-        env=environment(), stdout=subprocess.PIPE, start_new_session=True)
-    try:
-        assert process.stdout is not None
-        process.stdout.readline()
-        yield
-    finally:
-        process.kill()
-        process.communicate()
 
 
 @dataclass(frozen=True)
@@ -193,6 +163,35 @@ class EarlyStopRow:
             broken=tuple(broken))
 
 
+@contextmanager
+def flood(console: ConsoleRun) -> Iterator[None]:
+    """Flood the console from another process during a ``with`` block."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'benchmarks.console_matrix.stops', str(console.port)], cwd=ROOT,
+        env=environment(), stdout=subprocess.PIPE, start_new_session=True)
+    try:
+        assert process.stdout is not None
+        process.stdout.readline()
+        yield
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def send_flood(port: int) -> None:
+    """Send without a pause, on a new connection whenever one is closed."""
+    end, is_first = time.monotonic() + MAX_DURATION, True
+    while time.monotonic() < end:
+        with suppress(OSError, RefusedError):
+            client = RawClient(port)
+            client.send('hello')
+            if is_first:
+                print('flooding', flush=True)
+                is_first = False
+            while time.monotonic() < end:
+                client.send_bytes(BURST)
+
+
 if __name__ == '__main__':
-    with contextlib.suppress(KeyboardInterrupt, socket.timeout):
+    with suppress(KeyboardInterrupt, socket.timeout):
         send_flood(int(sys.argv[1]))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The result of one trial, what it should have been, and the check of both."""
+"""The expected result of a row, the result of a trial, their comparison, and the table."""
 
 from __future__ import annotations
 
@@ -22,59 +22,19 @@ from typing import Any, Protocol
 from benchmarks.tables import number, Table, trial_table
 from kachaka_simple_control.analysis.message_timing import median
 
-HEAD = (
-    'what happens', 'what ends the motion', 'times',
-    'from the last good command to the first zero [ms], median / worst',
-    'from the fault [ms]', 'zeros, least', 'refused after it, most', 'motion after', 'seen')
-
-
-def matrix(
-        expectations: Sequence[Expectation], trials: Mapping[str, Sequence[Trial]]) -> Table:
-    """Return the console matrix as a table."""
-    return trial_table('The console matrix', HEAD, expectations, trials, row)
-
-
-def row(expectation: Expectation, trials: Sequence[Trial]) -> tuple[str, ...]:
-    """Return the cells of a row with at least one trial."""
-    tried = [trial for trial in trials if not trial.not_tried]
-    if not tried:
-        return (expectation.what, expectation.who, '0', '-', '-', '-', '-', '-',
-                f'not tried: {trials[0].not_tried}')
-    return (
-        expectation.what, expectation.who, str(len(tried)),
-        _times([trial.zero for trial in tried]), _times([trial.since_fault for trial in tried]),
-        str(min(trial.zeros for trial in tried)), str(max(trial.offered for trial in tried)),
-        str(sum(trial.late for trial in tried)), tried[0].note or '-')
-
-
-def _times(times: Sequence[float | None]) -> str:
-    known = [time for time in times if time is not None]
-    if not known:
-        return '-'
-    return f'{number(1e3 * median(known))} / {number(1e3 * max(known))}'
-
-
 #: The longest time from the last good command of the hand to the first zero [s].
 HAND_LIMIT = 0.35
 #: The longest time from the send() of a raw client's STOP to the first zero [s].
 STOP_LIMIT = 0.1
-#: The longest time from a fault to the first zero [s]: the hand's, and what the fault itself needs
-#: to take effect, as a browser that is asked to close a tab.
+#: The longest time from a fault to the first zero [s].  A fault may need time to take effect; for
+#: example, a browser needs time to close a tab.
 FAULT_LIMIT = 1.0
 #: The factor for time limits on a machine that also runs other programs.
 LOAD_FACTOR = 1.5
-
-
-class Sent(Protocol):
-    """A velocity, with its time [s, system clock]."""
-
-    @property
-    def time(self) -> float:
-        """Return the time."""
-
-    @property
-    def moves(self) -> bool:
-        """Return whether it asks for motion."""
+HEAD = (
+    'what happens', 'what ends the motion', 'times',
+    'from the last good command to the first zero [ms], median / worst',
+    'from the fault [ms]', 'zeros, least', 'refused after it, most', 'motion after', 'seen')
 
 
 @dataclass(frozen=True)
@@ -118,6 +78,18 @@ class Trial:
     def from_json(data: dict[str, Any]) -> Trial:
         """Create a trial from its fields, as converted by ``dataclasses.asdict`` and JSON."""
         return Trial(**{**data, 'broken': tuple(data['broken'])})
+
+
+class Sent(Protocol):
+    """A velocity, with its time [s, system clock]."""
+
+    @property
+    def time(self) -> float:
+        """Return the time."""
+
+    @property
+    def moves(self) -> bool:
+        """Return whether it asks for motion."""
 
 
 class SpoiltError(RuntimeError):
@@ -189,3 +161,29 @@ def _violations(expectation: Expectation, trial: Trial, factor: float) -> Iterat
             ('the fault', trial.since_fault, expectation.fault_limit)):
         if limit is not None and value > limit * factor:
             yield f'a zero came later than {1e3 * limit * factor:g} ms after {name}'
+
+
+def matrix(
+        expectations: Sequence[Expectation], trials: Mapping[str, Sequence[Trial]]) -> Table:
+    """Return the console matrix as a table."""
+    return trial_table('The console matrix', HEAD, expectations, trials, row)
+
+
+def row(expectation: Expectation, trials: Sequence[Trial]) -> tuple[str, ...]:
+    """Return the cells of a row with at least one trial."""
+    tried = [trial for trial in trials if not trial.not_tried]
+    if not tried:
+        return (expectation.what, expectation.who, '0', '-', '-', '-', '-', '-',
+                f'not tried: {trials[0].not_tried}')
+    return (
+        expectation.what, expectation.who, str(len(tried)),
+        _times([trial.zero for trial in tried]), _times([trial.since_fault for trial in tried]),
+        str(min(trial.zeros for trial in tried)), str(max(trial.offered for trial in tried)),
+        str(sum(trial.late for trial in tried)), tried[0].note or '-')
+
+
+def _times(times: Sequence[float | None]) -> str:
+    known = [time for time in times if time is not None]
+    if not known:
+        return '-'
+    return f'{number(1e3 * median(known))} / {number(1e3 * max(known))}'

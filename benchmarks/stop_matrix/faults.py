@@ -255,7 +255,11 @@ def check_execution_order(context: TrialContext, fault: float) -> list[str]:
 
 
 def lossy(percent: int, inject: Injector) -> Injector:
-    """Return an injector of a fault while so many packets are lost [%], in both directions."""
+    """
+    Return an injector that sets the packet loss, waits 1 s, and then injects a fault.
+
+    :param percent: the part of the packets that are lost, in both directions [%]
+    """
     def inject_lossy(context: TrialContext) -> float:
         assert context.robot.network is not None
         context.robot.network.set_loss(percent)

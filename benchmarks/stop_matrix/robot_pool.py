@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A pool of robots for the programs; a robot without a fault is reused."""
+"""A pool of robots for the programs, and the processes of each robot."""
 
 from __future__ import annotations
 
@@ -34,78 +34,55 @@ from ros_domain import claim_domain, release_domain
 from ros_support import BRIDGE, BridgeProcess
 from waiting import poll
 
-
-class GrpcRobot:
-    """
-    The processes ``kachaka_sim`` and ``kachaka_bridge --address``; ``close`` ends both.
-
-    :raises AssertionError: if the robot does not start
-    """
-
-    def __init__(self, namespace: str, domain: int) -> None:
-        self._robot = SimulatedRobot()
-        #: the address of the robot, ``HOST:PORT``
-        self.address = self._robot.address
-        # The bridge ends with this process, which holds the other end of its standard input.
-        self._bridge = BridgeProcess(
-            '--address', self.address, '--namespace', namespace, '--with-parent',
-            stdin=subprocess.PIPE, env=environment(ROS_DOMAIN_ID=str(domain)))
-
-    def send(self, signum: int) -> float:
-        """Send the bridge a signal; return the time of the signal [s, system clock]."""
-        return self._bridge.send(signum)
-
-    def close(self, timeout: float = 0.0, signum: int = 0) -> None:
-        """End both processes, the bridge first; do nothing if they have ended."""
-        for process in (self._bridge, self._robot):
-            process.close(timeout, signum)
-
-
-#: Matches the log line of the bridge for released manual control, and its time [s, system clock].
-RELEASED = re.compile(r'\[([\d.]+)\] \[[\w./]+\]: manual control disabled')
-#: The duration of a call to the robot over a slow link [s].
-CALL_DURATION = 0.25
-
-
-class RobotProcess(Program):
-    """
-    The process of this package's bridge with a simulated robot, or of the slow bridge.
-
-    :param log: the file of the velocities that the slow bridge executes; None for this package's
-        bridge
-    """
-
-    def __init__(
-            self, namespace: str, domain: int, log: Path | None = None,
-            network: Network | None = None) -> None:
-        command = [*BRIDGE, '--sim', '--with-parent', '--namespace', namespace]
-        if log:
-            duration = 0.0 if network else CALL_DURATION
-            command = [sys.executable, '-m', 'benchmarks.stop_matrix.slow_bridge', namespace,
-                       str(log), str(duration)]
-        # The bridge ends with this process, which holds the other end of its standard input.
-        super().__init__(
-            network.command(ROBOT, command) if network else command, cwd=ROOT,
-            stdin=subprocess.PIPE,
-            env=(network.environment if network else environment)(ROS_DOMAIN_ID=str(domain)))
-
-    def released_since(self, since: float) -> bool:
-        """Return whether manual control was disabled after a time [s, system clock]."""
-        return any(float(at) > since for at in RELEASED.findall(self.text))
-
-
-_NUMBERS = itertools.count(1)
 #: The longest time until a robot publishes odometry [s].
 START_TIMEOUT = 20.0
 #: The longest time until a robot ends [s].
 EXIT_TIMEOUT = 3.0
+#: The duration of a call to the robot over a slow link [s].
+CALL_DURATION = 0.25
+#: Matches the log line of the bridge for released manual control, and its time [s, system clock].
+RELEASED = re.compile(r'\[([\d.]+)\] \[[\w./]+\]: manual control disabled')
+#: The numbers of the robots.
+_NUMBERS = itertools.count(1)
 
 
-class SecondRobot(NamedTuple):
-    """A second robot for one program, and the recorder of its topics."""
+class RobotPool:
+    """A context manager for all robots, which ends them at its exit."""
 
-    process: RobotProcess
-    recorder: RobotRecorder
+    def __init__(self, over_grpc: bool = False) -> None:
+        self._over_grpc = over_grpc
+        self._free: list[PooledRobot] = []
+        self._taken: list[PooledRobot] = []
+
+    def __enter__(self) -> RobotPool:
+        """Return the pool."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """End all robots."""
+        for robot in [*self._taken, *self._free]:
+            robot.end()
+
+    def take(self, slow: bool, over_link: bool) -> PooledRobot:
+        """Return a free robot, or start a new robot, which may not be ready yet."""
+        robot = self._free.pop(0) if self._free and not (slow or over_link) else PooledRobot(
+            slow, self._over_grpc, over_link)
+        self._taken.append(robot)
+        return robot
+
+    def put_back(self, robot: PooledRobot, reusable: bool) -> None:
+        """Keep a robot for another trial if it is reusable, else end it."""
+        self._taken.remove(robot)
+        if reusable:
+            robot.clear()
+            self._free.append(robot)
+        else:
+            robot.end()
+
+    def limit_free(self, count: int) -> None:
+        """End free robots until at most ``count`` remain."""
+        while len(self._free) > count:
+            self._free.pop().end()
 
 
 class PooledRobot:
@@ -178,40 +155,61 @@ class PooledRobot:
             self.recorder.namespace, self.domain, self.executed, self.network)
 
 
-class RobotPool:
-    """A context manager for all robots, which ends them at its exit."""
+class SecondRobot(NamedTuple):
+    """A second robot for one program, and the recorder of its topics."""
 
-    def __init__(self, over_grpc: bool = False) -> None:
-        self._over_grpc = over_grpc
-        self._free: list[PooledRobot] = []
-        self._taken: list[PooledRobot] = []
+    process: RobotProcess
+    recorder: RobotRecorder
 
-    def __enter__(self) -> RobotPool:
-        """Return the pool."""
-        return self
 
-    def __exit__(self, *error: object) -> None:
-        """End all robots."""
-        for robot in [*self._taken, *self._free]:
-            robot.end()
+class RobotProcess(Program):
+    """
+    The process of this package's bridge with a simulated robot, or of the slow bridge.
 
-    def take(self, slow: bool, over_link: bool) -> PooledRobot:
-        """Return a free robot, or start a new robot, which may not be ready yet."""
-        robot = self._free.pop(0) if self._free and not (slow or over_link) else PooledRobot(
-            slow, self._over_grpc, over_link)
-        self._taken.append(robot)
-        return robot
+    :param log: the file of the velocities that the slow bridge executes; None for this package's
+        bridge
+    """
 
-    def put_back(self, robot: PooledRobot, reusable: bool) -> None:
-        """Keep a robot for another trial if it is reusable, else end it."""
-        self._taken.remove(robot)
-        if reusable:
-            robot.clear()
-            self._free.append(robot)
-        else:
-            robot.end()
+    def __init__(
+            self, namespace: str, domain: int, log: Path | None = None,
+            network: Network | None = None) -> None:
+        command = [*BRIDGE, '--sim', '--with-parent', '--namespace', namespace]
+        if log:
+            duration = 0.0 if network else CALL_DURATION
+            command = [sys.executable, '-m', 'benchmarks.stop_matrix.slow_bridge', namespace,
+                       str(log), str(duration)]
+        # The bridge ends with this process, which holds the other end of its standard input.
+        super().__init__(
+            network.command(ROBOT, command) if network else command, cwd=ROOT,
+            stdin=subprocess.PIPE,
+            env=(network.environment if network else environment)(ROS_DOMAIN_ID=str(domain)))
 
-    def limit_free(self, count: int) -> None:
-        """End free robots until at most ``count`` remain."""
-        while len(self._free) > count:
-            self._free.pop().end()
+    def released_since(self, since: float) -> bool:
+        """Return whether manual control was disabled after a time [s, system clock]."""
+        return any(float(at) > since for at in RELEASED.findall(self.text))
+
+
+class GrpcRobot:
+    """
+    The processes ``kachaka_sim`` and ``kachaka_bridge --address``; ``close`` ends both.
+
+    :raises AssertionError: if the robot does not start
+    """
+
+    def __init__(self, namespace: str, domain: int) -> None:
+        self._robot = SimulatedRobot()
+        #: the address of the robot, ``HOST:PORT``
+        self.address = self._robot.address
+        # The bridge ends with this process, which holds the other end of its standard input.
+        self._bridge = BridgeProcess(
+            '--address', self.address, '--namespace', namespace, '--with-parent',
+            stdin=subprocess.PIPE, env=environment(ROS_DOMAIN_ID=str(domain)))
+
+    def send(self, signum: int) -> float:
+        """Send the bridge a signal; return the time of the signal [s, system clock]."""
+        return self._bridge.send(signum)
+
+    def close(self, timeout: float = 0.0, signum: int = 0) -> None:
+        """End both processes, the bridge first; do nothing if they have ended."""
+        for process in (self._bridge, self._robot):
+            process.close(timeout, signum)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Set up and run one trial: a program, its robot, and the injected fault."""
+"""The rows of the matrix; set up and run one trial, and find the last message of its program."""
 
 from __future__ import annotations
 
@@ -26,30 +26,6 @@ from typing import TYPE_CHECKING
 from benchmarks.stop_matrix import scripts
 from benchmarks.stop_matrix.expectation import Expectation, Trial, Zero
 from benchmarks.stop_matrix.program import ScriptProgram
-
-LOG_PREFIX = re.compile(r'^\[\w+\] \[[\d.]+\] \[[\w./]+\]: ')
-PROGRAM_PREFIX = re.compile(r'^(kachaka_simple_control: |kachaka_simple_control\.[\w.]+: )')
-COLOUR = re.compile(r'\x1b\[[\d;]*m')
-#: Matches the path of a trial's script.
-SCRIPT = re.compile(r'/\S*/script\.py')
-MAX_LENGTH = 100
-#: Lines that each program logs.
-ROUTINE = (
-    'Robot control node has started', 'Robot has stopped', 'Movement completed', 'Paused: ',
-    'Resumed', 'Calibrated: ', 'The robot did not confirm')
-
-
-def last_message(text: str, namespace: str, traceback_expected: bool) -> str:
-    """Return the last printed line of a program, without routine log lines."""
-    plain = COLOUR.sub('', text)
-    lines = [PROGRAM_PREFIX.sub('', LOG_PREFIX.sub('', line)).strip()
-             for line in plain.splitlines() if not line.startswith((' ', 'Traceback'))]
-    messages = [line for line in lines if line and not line.startswith(ROUTINE)]
-    last = (messages[-1] if messages else '').replace(namespace, 'kachaka')
-    last = SCRIPT.sub('script.py', last)
-    last = last if len(last) <= MAX_LENGTH else last[:MAX_LENGTH].rsplit(' ', 1)[0] + ' ...'
-    return f'Traceback: {last}' if 'Traceback' in text and not traceback_expected else last
-
 
 if TYPE_CHECKING:
     # These import rclpy, which listing the rows must not do.
@@ -71,6 +47,19 @@ START_TOLERANCE = 0.01
 #: The largest interval between the zeros of a burst, which starts a stop; zeros of a pause have
 #: longer intervals [s].
 BURST_GAP = 0.005
+#: Match the text before a message, in a line of a log and of the program.
+LOG_PREFIX = re.compile(r'^\[\w+\] \[[\d.]+\] \[[\w./]+\]: ')
+PROGRAM_PREFIX = re.compile(r'^(kachaka_simple_control: |kachaka_simple_control\.[\w.]+: )')
+#: Matches a change of the colour.
+COLOUR = re.compile(r'\x1b\[[\d;]*m')
+#: Matches the path of a trial's script.
+SCRIPT = re.compile(r'/\S*/script\.py')
+#: The longest message that is returned whole [characters].
+MAX_LENGTH = 100
+#: Lines that each program logs.
+ROUTINE = (
+    'Robot control node has started', 'Robot has stopped', 'Movement completed', 'Paused: ',
+    'Resumed', 'Calibrated: ', 'The robot did not confirm')
 
 
 @dataclass(frozen=True)
@@ -185,12 +174,6 @@ def inject_fault(context: TrialContext, pause: Callable[[], float]) -> float:
     return fault
 
 
-def from_burst_on(zeros: list[float]) -> list[float]:
-    """Return the zeros of a stop, which begins with a burst, without those of a pause before."""
-    begin = (number for number, (one, two) in enumerate(pairwise(zeros)) if two - one < BURST_GAP)
-    return zeros[next(begin, len(zeros)):]
-
-
 def finish_trial(context: TrialContext, fault: float) -> Trial:
     """Run the later actions of the row, wait for the end of the program, and return the result."""
     row, recorder = context.row, context.recorder
@@ -216,6 +199,12 @@ def finish_trial(context: TrialContext, fault: float) -> Trial:
         broken=tuple(context.violations))
 
 
+def from_burst_on(zeros: list[float]) -> list[float]:
+    """Return the zeros of a stop, which begins with a burst, without those of a pause before."""
+    begin = (number for number, (one, two) in enumerate(pairwise(zeros)) if two - one < BURST_GAP)
+    return zeros[next(begin, len(zeros)):]
+
+
 def _late(
         context: TrialContext, recorder: RobotRecorder, zeros: list[float], fault: float) -> int:
     """Return the number of the program's velocities to a robot after the first zero."""
@@ -224,3 +213,15 @@ def _late(
     return sum(
         one.moves and one.linear_x not in (OTHER_VELOCITY, SECOND_VELOCITY) and one.time > stopped
         for one in recorder.sent_since(context.counted_from))
+
+
+def last_message(text: str, namespace: str, traceback_expected: bool) -> str:
+    """Return the last printed line of a program, without routine log lines."""
+    plain = COLOUR.sub('', text)
+    lines = [PROGRAM_PREFIX.sub('', LOG_PREFIX.sub('', line)).strip()
+             for line in plain.splitlines() if not line.startswith((' ', 'Traceback'))]
+    messages = [line for line in lines if line and not line.startswith(ROUTINE)]
+    last = (messages[-1] if messages else '').replace(namespace, 'kachaka')
+    last = SCRIPT.sub('script.py', last)
+    last = last if len(last) <= MAX_LENGTH else last[:MAX_LENGTH].rsplit(' ', 1)[0] + ' ...'
+    return f'Traceback: {last}' if 'Traceback' in text and not traceback_expected else last
