@@ -314,7 +314,7 @@ class _Answers:
                 f'--measured is here {len(given)} times; {len(quantities)} answers are needed')
         if not given and not sys.stdin.isatty():
             raise UsageError(
-                'pass the measurements by --measured, for there is no terminal to ask at')
+                'there is no terminal to ask at: pass the measurements by --measured')
         try:
             self._given = [
                 _parse(answer, kinds) for answer, kinds in zip(given, quantities, strict=False)]

@@ -53,7 +53,7 @@ def confirm(floor_size: str, before: str = '') -> None:
     :raises UsageError: if the answer is not Enter, y or yes, or there is no terminal to ask at
     """
     if not sys.stdin.isatty():
-        raise UsageError('a robot will move: pass --yes, for there is no terminal to ask at')
+        raise UsageError('a robot will move, and there is no terminal to ask at: pass --yes')
     print(f'\nThe robot needs {floor_size} of free floor.  {before}', end='', flush=True)
     # Before the rest of the question: what is typed once it can be read is the answer.
     with contextlib.suppress(OSError, termios.error):

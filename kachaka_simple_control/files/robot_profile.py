@@ -274,8 +274,8 @@ def _read(text: str, source: str) -> RobotProfile:
     numbers = document.read_quantities([], {'command_timeout': COMMAND_TIMEOUT})
     if (hold := numbers.get('command_timeout', math.inf)) < MIN_COMMAND_TIMEOUT:
         document.add_problem(['command_timeout'], (
-            f'{hold:g} s is too short: a velocity may be late by 0.1 s before the run is given '
-            f'up; it must be at least {MIN_COMMAND_TIMEOUT:g} s'))
+            f'{hold:g} s is too short: a velocity may be late by 0.1 s before the run ends; '
+            f'it must be at least {MIN_COMMAND_TIMEOUT:g} s'))
     timeout = document.read_quantities(['manual_control'], {'timeout': COMMAND_TIMEOUT})
     values: dict[str, Any] = {
         key: _part(document, key, quantities, make) for key, quantities, make in PARTS

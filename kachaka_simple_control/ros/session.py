@@ -470,8 +470,8 @@ class Session:
             self._end_run(self._foreign.taken(sender))
             return
         self._end_run(errors.RunFaultError(
-            f'{sender} sends velocities on {self._publisher.topic_name}, so the motion was given '
-            'up; stop that program, or set the parameter allow_other_publishers to true'))
+            f'{sender} sends velocities on {self._publisher.topic_name}, so the motion was '
+            'ended; stop that program, or set the parameter allow_other_publishers to true'))
 
     def _on_conflict(self, holder: str) -> None:
         self._end_run(errors.RunFaultError(

@@ -85,7 +85,7 @@ def test_a_robot_of_a_file_keeps_all_that_its_file_says(tmp_path):
 def test_a_real_robot_is_driven_only_after_somebody_has_confirmed(run, monkeypatch):
     code, _, errors, driven = run('--address', 'robot')
     assert (code, driven) == (2, [])
-    assert 'a robot will move: pass --yes, for there is no terminal to ask at' in errors
+    assert 'a robot will move, and there is no terminal to ask at: pass --yes' in errors
     assert len(run('--address', 'robot', '--yes')[3]) == 1
 
     for typed, code, count in (

@@ -213,7 +213,7 @@ def test_without_an_answer_it_ends_and_writes_nothing(run, tmp_path, typed, coun
 
 @pytest.mark.parametrize('words, line', [
     (['floor', '--sim'],
-     'pass the measurements by --measured, for there is no terminal to ask at'),
+     'there is no terminal to ask at: pass the measurements by --measured'),
     (['floor', '--sim', '--measured', '1 m'],
      '--measured is here 1 times; 2 answers are needed'),
     (['floor', '--sim', '--measured', '1', '--measured', '6 rad'],
@@ -221,7 +221,7 @@ def test_without_an_answer_it_ends_and_writes_nothing(run, tmp_path, typed, coun
     (['floor', '--sim', '--measured', '1 m', '--measured', '358'],
      '--measured: 358 has no unit; an angle needs one: write 358 deg or 358 rad'),
     (['floor', '--address', 'robot', '--measured', '1 m', '--measured', '358 deg'],
-     'a robot will move: pass --yes, for there is no terminal to ask at'),
+     'a robot will move, and there is no terminal to ask at: pass --yes'),
     (['floor', '--sim', '--plot', 'fit.svg'], '--plot is not about kachaka_calibrate floor'),
     (['floor', '--sim', '--track', '1 m'], '--track is about kachaka_calibrate umbmark'),
     (['floor', '--sim', '--robot', './blind.yaml'],
