@@ -208,11 +208,7 @@ def quick_drive(folder: Path, *options: str, duration: float = 0.5) -> list[str]
 
 
 def restore_signals() -> None:
-    """
-    Restore signals that this process, and so all programs that it starts, would ignore.
-
-    The background of a shell ignores Ctrl+C, and so does all that is started there.
-    """
+    """Restore signals that the background of a shell ignores, for all that is started here."""
     for signum in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
         if signal.getsignal(signum) == signal.SIG_IGN:
             signal.signal(signum, signal.SIG_DFL)

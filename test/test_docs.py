@@ -91,6 +91,10 @@ def test_quotes_are_compared_approximately_and_with_wildcards(quoted, printed, s
     assert (compare(quoted, printed) is None) == same
 
 
+#: What one process of ``make docs`` runs beside the short pages: each takes about 3 minutes.
+GROUPS = (('floor', 'kachaka'), ('lesson', 'report', 'pipe'), ('calibration', 'README'))
+
+
 def documents_to_run() -> list[object]:
     """Return the documents to run, each with whether to run what needs colcon."""
     found: list[object] = []
@@ -98,7 +102,8 @@ def documents_to_run() -> list[object]:
         run = [block for block in blocks(path) if block.is_run or (
             block.language == 'python' and block.mark == 'run')]
         name = str(path.relative_to(ROOT))
-        marks = pytest.mark.needs(*needed(path))
+        group = next((group for group in GROUPS if path.stem in group), ('others',))
+        marks = [pytest.mark.needs(*needed(path)), pytest.mark.xdist_group(group[0])]
         if any(block.is_run and block.run['colcon'] for block in run):
             found.append(pytest.param(path, True, id=f'{name} with colcon', marks=marks))
         if run:
@@ -113,13 +118,11 @@ def documents_to_run() -> list[object]:
 def test_commands_of_a_document_work(path, colcon, tmp_path):
     pytest.importorskip('nav_msgs', reason='needs ROS 2')
     uses_colcon = any(block.is_run and block.run['colcon'] for block in blocks(path))
-    if colcon and shutil.which('colcon', path=searched()) is None:
-        pytest.skip('there is no colcon here; make docs has it')
-    if uses_colcon and not colcon and shutil.which('colcon', path=searched()) is not None:
-        pytest.skip('all of it is run, colcon included')
+    has_colcon = shutil.which('colcon', path=searched()) is not None
+    if colcon != (uses_colcon and has_colcon):
+        pytest.skip('with colcon, as in make docs, all of it is run')
     with Path(__file__).open() as lock:
-        if '--grpc-port' in path.read_text():
-            # Two pages start the robot's service at its own port.
+        if '--grpc-port' in path.read_text():  # two pages start the robot's service at its port
             fcntl.flock(lock, fcntl.LOCK_EX)
         reader = Reader(tmp_path)
         try:
