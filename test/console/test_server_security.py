@@ -81,6 +81,7 @@ def test_links_decide_who_may_look_and_drive(tmp_path: Path):
     async def scenario(program: ConsoleProgram) -> None:
         assert 403 == await refusal(program, token='')
         assert 403 == await refusal(program, token='x' * 32)
+        assert 403 == await refusal(program, Origin='http://evil.example')
         assert 403 == fetch(program, '/')[0]
         assert 403 == fetch(program, '/main.js')[0]
         assert 403 == fetch(program, '/?token=' + 'x' * 32)[0]
