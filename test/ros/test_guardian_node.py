@@ -167,6 +167,8 @@ def test_a_node_that_is_matched_stays(listener, observer, nodes, greeted, shared
     assert len(one.nodes) == 1
     assert publishers(observer) == 1
     assert len(greeted) <= 3
+    nodes._nodes[-1].node.get_subscriptions_info_by_topic = lambda _: pytest.fail('it asks')
+    assert not one.match(is_driving=True), 'a slow answer would delay the stop of another robot'
 
 
 def test_a_robot_is_found_later_than_another_subscriber_and_after_a_drive(
