@@ -91,7 +91,7 @@ def test_quotes_are_compared_approximately_and_with_wildcards(quoted, printed, s
     assert (compare(quoted, printed) is None) == same
 
 
-#: What one process of ``make docs`` runs beside the short pages: each takes about 3 minutes.
+#: The pages that take longest, by which process of ``make docs`` runs them, one after the other.
 GROUPS = (('floor', 'kachaka'), ('lesson', 'report', 'pipe'), ('calibration', 'README'))
 
 
