@@ -77,6 +77,15 @@ def probe():
     probe.close()
 
 
+@pytest.fixture(scope='module')
+def browser(tmp_path_factory):
+    """Yield a browser, for all tests of a module with pages of the console."""
+    pytest.importorskip('tornado', reason='needs tornado')
+    import chromium
+    with chromium.browser(tmp_path_factory.mktemp('profile')) as driver:
+        yield driver
+
+
 @pytest.fixture
 def namespace(request):
     """Return a namespace of this test, so that no other test's robot is received."""

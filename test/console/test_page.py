@@ -21,7 +21,6 @@ import signal
 import time
 from urllib.parse import urlsplit
 
-import chromium
 from page_browser import Console, NOTHING, Page
 import pytest
 
@@ -30,14 +29,6 @@ pytestmark = [pytest.mark.real_time, pytest.mark.browser]
 W, ESCAPE, SPACE = 'w', '\ue00c', ' '
 #: After the end of a hold, so long nothing more may be sent [s].
 QUIET = 0.5
-
-
-@pytest.fixture(scope='module')
-def browser(tmp_path_factory):
-    """Yield a browser."""
-    pytest.importorskip('tornado', reason='needs tornado')
-    with chromium.browser(tmp_path_factory.mktemp('profile')) as driver:
-        yield driver
 
 
 @pytest.fixture(scope='module')

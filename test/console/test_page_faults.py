@@ -19,21 +19,12 @@ import re
 import signal
 import time
 
-import chromium
 from page_browser import Console, Page
 import pytest
 
 pytestmark = [pytest.mark.real_time, pytest.mark.browser]
 
 ESCAPE = '\ue00c'
-
-
-@pytest.fixture(scope='module')
-def browser(tmp_path_factory):
-    """Yield a browser."""
-    pytest.importorskip('tornado', reason='needs tornado')
-    with chromium.browser(tmp_path_factory.mktemp('profile')) as driver:
-        yield driver
 
 
 def test_a_lost_connection_is_said_in_large_letters_and_ends_the_hand(browser, tmp_path):

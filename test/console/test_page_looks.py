@@ -18,7 +18,6 @@ from pathlib import Path
 import re
 import time
 
-import chromium
 from kachaka_simple_control import __file__ as package_file
 from page_browser import Console, Page
 import pytest
@@ -137,14 +136,6 @@ def test_nothing_is_parsed_as_markup_and_nothing_is_inline():
         assert re.findall(
             r'\.(?:innerHTML|outerHTML|insertAdjacentHTML|cssText)\b|document\.write|\beval\(|'
             r'new Function|new Worker|https?://(?!www\.w3\.org/2000/svg)', text) == [], file.name
-
-
-@pytest.fixture(scope='module')
-def browser(tmp_path_factory):
-    """Yield a browser."""
-    pytest.importorskip('tornado', reason='needs tornado')
-    with chromium.browser(tmp_path_factory.mktemp('profile')) as driver:
-        yield driver
 
 
 @pytest.fixture(scope='module')
