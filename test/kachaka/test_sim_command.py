@@ -26,9 +26,11 @@ import pytest
 pytestmark = pytest.mark.real_time
 
 COMMAND = [sys.executable, '-m', 'kachaka_simple_control.kachaka.sim_command']
-START = """sys.argv = ['kachaka_sim', '--grpc-port', '0']
+START = """
+sys.argv = ['kachaka_sim', '--grpc-port', '0']
 from kachaka_simple_control.kachaka.sim_command import main
-sys.exit(main())"""
+sys.exit(main())
+"""
 
 
 def needs_sdk():
