@@ -133,16 +133,21 @@ class GuardedRobot:
 
     def match(self, is_driving: bool = False) -> bool:
         """
-        Find the subscribers; keep the first publisher that has any.  Whether they changed.
+        Find the subscribers, but not in a drive; keep the first publisher that has any.
 
-        :param is_driving: whether another robot is driven: then the graph is asked only if the
-            number of subscribers has changed, because the answer may take 0.17 s
+        :param is_driving: whether any robot is driven: then the graph is asked only if the number
+            of subscribers has changed, because the answer may take 0.17 s
+        :returns: whether the subscribers have changed
         """
+        if self.is_driven:
+            self._subscriber_count = 0  # the robot may be replaced meanwhile
+            return False
         before = self.subscribers
         for node, publisher in [*self._publishers.items()]:
-            if (count := publisher.get_subscription_count()) > 0:
-                if not is_driving or count != self._subscriber_count:
-                    self._subscriber_count = count
+            known, self._subscriber_count = (
+                self._subscriber_count, publisher.get_subscription_count())
+            if self._subscriber_count > 0:
+                if not is_driving or self._subscriber_count != known:
                     self.subscribers = frozenset(participants(
                         node.node.get_subscriptions_info_by_topic(publisher.topic_name)))
                 self._keep(node)
@@ -360,7 +365,7 @@ class GuardianProgram:
     def _update(self) -> None:
         is_driving = any(robot.is_driven for robot in self._robots.values())
         for number, robot in self._robots.items():
-            if not robot.is_driven and robot.match(is_driving):
+            if robot.match(is_driving):
                 _report(f'matched {number} {" ".join(map(bytes.hex, robot.subscribers))}')
         for number in [*self._leaving]:
             if not self._robots[number].is_stopping:
