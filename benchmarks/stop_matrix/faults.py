@@ -238,12 +238,17 @@ def publish_clock_once(context: TrialContext) -> float:
 
 def executed_after(context: TrialContext, since: float) -> list[float]:
     """Return the velocities that the robot executed after a time [s, system clock]."""
+    return [velocity for _, velocity in timed_after(context, since)]
+
+
+def timed_after(context: TrialContext, since: float) -> list[tuple[float, float]]:
+    """Return such velocities, each with the time [s] that had passed."""
     executed = context.robot.executed
     assert executed is not None
     # The first velocity creates the file.
     text = executed.read_text() if executed.exists() else ''
     lines = [line.split() for line in text.splitlines()]
-    return [float(velocity) for at, velocity in lines if float(at) > since]
+    return [(float(at) - since, float(velocity)) for at, velocity in lines if float(at) > since]
 
 
 def check_execution_order(context: TrialContext, fault: float) -> list[str]:
@@ -299,8 +304,18 @@ def reconnect(seconds: float, after_end: bool = False) -> Callable[[TrialContext
 
 def check_nothing_old(context: TrialContext, _fault: float) -> list[str]:
     """Check that nothing moved the robot when the cable was back."""
-    moved = [one for one in executed_after(context, context.changed) if one]
-    return ['old velocities moved the robot when the cable was back'] if moved else []
+    executed = timed_after(context, context.changed)
+    moved = any(velocity for _, velocity in executed)
+    return [f'old velocities moved the robot when the cable was back: {executed}'] * moved
+
+
+def check_zeros_follow(context: TrialContext, _fault: float) -> list[str]:
+    """Check that zeros directly followed what was old when the cable was back."""
+    executed = timed_after(context, context.changed)
+    follows = [after - at for (at, velocity), (after, zero) in pairwise(executed)
+               if velocity and not zero]
+    ended = bool(executed) and not executed[-1][1] and all(one < 0.05 for one in follows)
+    return [] if ended else [f'old velocities, and no zero after them: {executed}']
 
 
 def wait(seconds: float) -> Callable[[TrialContext], None]:

@@ -201,7 +201,7 @@ OVER_LINK = (
             expectation=Expectation(
                 'cable pulled for 0.6 s: needs root', NOTHING, (0,), Zero.AT_END)),
     _link('cable pulled, back after 1.2 s', NODE, (1,), ODOMETRY, faults.cut_link,
-          after=faults.reconnect(1.2), check=faults.check_nothing_old, full=5),
+          after=faults.reconnect(1.2), check=faults.check_zeros_follow, full=5),
     _link('cable pulled, back when the program has ended', NODE, (1,), ODOMETRY, faults.cut_link,
           after=faults.reconnect(0.0, after_end=True), check=faults.check_nothing_old, full=5,
           quick=0),

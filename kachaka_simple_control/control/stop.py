@@ -28,7 +28,6 @@ from kachaka_simple_control.control.events import Event, StopBegan, StopConfirme
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.timing import (
     STOP_BURST_COUNT,
-    STOP_CONFIRM_TIMEOUT,
     STOP_MARGIN,
     STOP_REPEAT_PERIOD,
 )
@@ -66,7 +65,8 @@ class StopController:
     Sends one stop for each run, even if several threads request it; a new run ends a stop early.
 
     :param guardian: gets a report before each zero velocity, and at the end of the stop
-    :param still_moving: whether the stop must continue, because odometry shows motion or is lost
+    :param more_time: how much longer the stop must continue at most [s], because odometry shows
+        motion or is lost; 0 if it need not
     :param publish: puts an event into a queue, and returns at once
     """
 
@@ -75,7 +75,7 @@ class StopController:
             gate: VelocityGate,
             command_timeout: float,
             guardian: Guardian | NullGuardian,
-            still_moving: Callable[[], bool] = lambda: False,
+            more_time: Callable[[], float] = lambda: 0.0,
             clock: Callable[[], float] = time.monotonic,
             sleep: Callable[[float], None] = time.sleep,
             publish: Callable[[Event], None] = lambda _: None) -> None:
@@ -83,7 +83,7 @@ class StopController:
         self._publish = publish
         self._command_timeout = command_timeout
         self._guardian = guardian
-        self._still_moving = still_moving
+        self._more_time = more_time
         self._clock = clock
         self._sleep = sleep
         self._lock = threading.Lock()
@@ -170,11 +170,11 @@ class StopController:
         """
         Send more zeros until odometry shows no motion: the link may have lost the others.
 
-        :returns: False after STOP_CONFIRM_TIMEOUT, or if a newer run has begun
+        :returns: False if the time has passed, or if a newer run has begun
         """
-        end = self._clock() + STOP_CONFIRM_TIMEOUT
-        while self._still_moving():
-            if self._clock() >= end or not self._send_zero(run):
+        began = self._clock()
+        while (more_time := self._more_time()) > 0.0:
+            if self._clock() >= began + more_time or not self._send_zero(run):
                 return False
             self._sleep(STOP_REPEAT_PERIOD)
         return True

@@ -50,6 +50,11 @@ STOP_MARGIN = 0.1
 #: How much longer zero velocities are sent while odometry shows motion.  Chosen: a program must
 #: end at most 3 s after a signal, because ``ros2 launch`` sends a stronger signal after 5 s.
 STOP_CONFIRM_TIMEOUT = 1.0
+#: How much longer zero velocities are sent if the link is lost.  The kernel keeps messages for a
+#: neighbour that does not answer, and drops them after three solicitations, 1 s apart
+#: (``mcast_solicit`` and ``retrans_time_ms`` in ``/proc/sys/net/ipv4/neigh``).  So no velocity is
+#: left there when the publisher leaves.
+STOP_LOST_LINK_TIME = 3.0
 #: A robot counts as standing still if odometry shows a lower velocity than this [m/s], [rad/s].
 #: Chosen: above the noise of wheel encoders.
 STANDSTILL_LINEAR = 0.01

@@ -40,6 +40,7 @@ from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.stop import StopController
 from kachaka_simple_control.control.tick_scheduler import TickScheduler, VelocitySource
+from kachaka_simple_control.control.timing import STOP_CONFIRM_TIMEOUT, STOP_LOST_LINK_TIME
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.motion.drive_order import DriveOrder
@@ -109,7 +110,7 @@ class Session:
             lambda: self._guardian.latch.is_set and self._stopped_by is None,
             self._on_foreign_message)
         self._stopper = StopController(
-            self.gate, profile.command_timeout, self._guardian, self._is_still_moving,
+            self.gate, profile.command_timeout, self._guardian, self._more_zeros_time,
             publish=publish)
         self._end = EndCheck(profile.odometry_calibration)
         self._judge = EndJudge(
@@ -434,14 +435,16 @@ class Session:
         self._feedback.begin(plan, limits)
         return self._feedback
 
-    def _is_still_moving(self) -> bool:
-        """Return whether odometry shows motion or is lost, and nobody else drives."""
+    def _more_zeros_time(self) -> float:
+        """Return how much longer a stop must go on [s]; 0 at rest, or if somebody else drives."""
         now = time.monotonic()
-        # After a link failure, the kernel keeps messages for 3 s, including velocities.  They must
-        # be gone before our publisher is destroyed: after that, a reader drops the zeros that
-        # follow them.
-        needed = self.odometry.is_moving(now) or self._monitor.has_lost_robot(now)
-        return needed and not self._foreign.has_recent(now)
+        if self._foreign.has_recent(now):
+            return 0.0
+        # What the kernel kept of our velocities must be gone before our publisher is destroyed:
+        # after that, a reader drops the zeros that follow them.
+        if self._monitor.has_lost_robot(now):
+            return STOP_LOST_LINK_TIME
+        return STOP_CONFIRM_TIMEOUT if self.odometry.is_moving(now) else 0.0
 
     def _stop(self, reason: errors.ControlError) -> None:
         """Stop the robot; log an error if the stop fails, or the robot still moves."""

@@ -18,6 +18,7 @@ from itertools import pairwise
 from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control.guardian_memory import Latch
 from kachaka_simple_control.control.stop import StopController
+from kachaka_simple_control.control.timing import STOP_CONFIRM_TIMEOUT
 from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
@@ -57,15 +58,15 @@ class Bench:
         self.guardian = FakeGuardian()
         self.moves = lambda: False
         self.controller = StopController(
-            self.gate, COMMAND_TIMEOUT, self.guardian, self.still_moves, self.time.clock,
+            self.gate, COMMAND_TIMEOUT, self.guardian, self.more_time, self.time.clock,
             self.time.sleep)
         self.gate.open()
         self.run = self.gate.begin(0.2)
         self.gate.send(self.run, Velocity(0.1, 0.0))
 
-    def still_moves(self):
-        """Return whether odometry reports motion."""
-        return self.moves()
+    def more_time(self):
+        """Return how much longer the stop must go on [s]."""
+        return STOP_CONFIRM_TIMEOUT if self.moves() else 0.0
 
     @property
     def zeros(self):

@@ -98,8 +98,8 @@ def test_a_robot_whose_odometry_falls_silent_is_taken_for_lost(listener, tmp_pat
         assert started.end() == 1
     assert 'odometry has been silent for 1.0 s' in started.text
     assert moved.time < end_of_motion(listener) < silent + 1.3
-    # The link may come back with what was sent before: the last of it must be zeros.
-    assert listener.received[-1].time - end_of_motion(listener) > 1.3
+    # The link may come back within 3 s with what was sent before: zeros must follow it.
+    assert listener.received[-1].time - end_of_motion(listener) > 3.3
 
 
 def test_a_second_robot_that_comes_in_mid_motion_ends_it(listener, tmp_path):
