@@ -20,6 +20,7 @@ import math
 import time
 
 from geometry_msgs.msg import Twist
+from kachaka_simple_control.control.preparation import complete
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.robot_status import ERROR_NO_MANUAL_CONTROL, SUCCESS
 from kachaka_simple_control.kachaka.simulator.drive_model import (
@@ -147,7 +148,7 @@ class BridgeNode(Node):
         executor = SingleThreadedExecutor(context=self.context)
         executor.add_node(self)
         try:
-            self._claim.take(lambda: executor.spin_once(timeout_sec=0.0))
+            complete(self._claim.take, lambda: executor.spin_once(timeout_sec=0.0))
             self._claim.hold()
         finally:
             executor.remove_node(self)

@@ -22,8 +22,8 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
+from kachaka_simple_control.control.preparation import Moment, Steps, until
 from kachaka_simple_control.control.timing import FOREIGN_CHECK_TIME, FOREIGN_MESSAGE_MAX_AGE
-from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotTakenError
 from kachaka_simple_control.ros.velocity_publisher import is_zero, VelocityPublisher
 from kachaka_simple_control.text import escaped
@@ -84,7 +84,7 @@ class ForeignMessages:
         """Return whether another program has sent a velocity to the robot recently."""
         return now - self._newest <= FOREIGN_MESSAGE_MAX_AGE
 
-    def detect(self, check: Callable[[], None] = lambda: None) -> bool:
+    def detect(self, moment: Moment) -> Steps[bool]:
         """
         Wait up to FOREIGN_CHECK_TIME (0.4 s) for a velocity of another program, if any publishes.
 
@@ -94,20 +94,23 @@ class ForeignMessages:
             return False
         self._is_detecting = True
         try:
-            return wait_until(lambda: self.has_recent(time.monotonic()), FOREIGN_CHECK_TIME, check)
+            return (yield from until(
+                moment, lambda: self.has_recent(moment.now), 'velocities of other programs',
+                FOREIGN_CHECK_TIME))
         finally:
             self._is_detecting = False
 
-    def require_none(self, check: Callable[[], None]) -> None:
+    def require_none(self, moment: Moment) -> Steps[None]:
         """
         Check before a drive that no other program sends velocities to the robot.
 
         :raises RobotTakenError: if one does
         """
-        if self.detect(check):
+        if (yield from self.detect(moment)):
             # Discovery delivers node names last.  The wait is safe: the robot does not move yet.
-            wait_until(
-                lambda: UNKNOWN_NODE not in self._other_publishers(), FOREIGN_CHECK_TIME, check)
+            yield from until(
+                moment, lambda: UNKNOWN_NODE not in self._other_publishers(), 'names of nodes',
+                FOREIGN_CHECK_TIME)
             raise self.taken(self.describe_sender())
 
     def taken(self, sender: str) -> RobotTakenError:

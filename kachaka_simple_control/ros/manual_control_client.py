@@ -19,11 +19,11 @@ Tested by test/ros/test_session.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 import math
 import time
 from typing import Any
 
+from kachaka_simple_control.control.preparation import Moment, Steps, until
 from kachaka_simple_control.control.timing import REQUEST_RETRY_PERIOD
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotNotFoundError
@@ -59,8 +59,7 @@ class ManualControlClient:
     """
 
     def __init__(
-            self, node: Node, service: str | None, check: Callable[[], None],
-            timeout: float = math.inf) -> None:
+            self, node: Node, service: str | None, timeout: float = math.inf) -> None:
         self._service = service
         self._timeout = timeout
         #: time of the newest request to switch manual control on [s on the steady clock]; None if
@@ -70,7 +69,6 @@ class ManualControlClient:
         # blocked, but the response to the release must still be received.
         self._client = node.create_client(
             SetBool, service, callback_group=MutuallyExclusiveCallbackGroup()) if service else None
-        self._check = check
         #: whether any request was ever sent
         self.was_requested = False
 
@@ -84,7 +82,7 @@ class ManualControlClient:
         """Whether the service for manual control is available; also True if it is not needed."""
         return self._client is None or bool(self._client.service_is_ready())
 
-    def enable(self, timeout: float) -> None:
+    def enable(self, moment: Moment, timeout: float) -> Steps[None]:
         """
         Switch on manual control, and wait for the response of the robot.
 
@@ -92,12 +90,14 @@ class ManualControlClient:
 
         :raises RobotNotFoundError: if no response comes in time, or the robot refuses
         """
-        end = time.monotonic() + timeout
+        end = moment.now + timeout
         responses: list[ManualControlResponse] = []
         pause = REQUEST_RETRY_PERIOD
-        while (left := end - time.monotonic()) > 0.0:
+        while (left := end - moment.now) > 0.0:
             responses.append(self.request(True))
-            wait_until(lambda: any(r.done for r in responses), min(pause, left), self._check)
+            yield from until(
+                moment, lambda: any(r.done for r in responses), 'manual control',
+                min(pause, left))
             response = next((r for r in responses if r.done), None)
             if response is None:
                 pause *= 2.0

@@ -32,13 +32,13 @@ from kachaka_simple_control.control.claims import (
     RELEASED,
     WANTED,
 )
+from kachaka_simple_control.control.preparation import Moment, Steps, until
 from kachaka_simple_control.control.timing import (
     CLAIM_CONFLICT_TIME,
     CLAIM_DISCOVERY_TIME,
     CLAIM_PERIOD,
     CLAIM_SETTLE_TIME,
 )
-from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotTakenError
 from kachaka_simple_control.ros.dds_transport import is_localhost_only
 from kachaka_simple_control.ros.endpoints import own_participant
@@ -84,7 +84,7 @@ class RobotClaim:
         """Return the descriptor of a socket; a process that inherits it keeps the claim."""
         return self._machine.fileno()
 
-    def take(self, check: Callable[[], None]) -> None:
+    def take(self, moment: Moment) -> Steps[None]:
         """
         Claim the robot here and from other machines; wait until it is clear who has it.
 
@@ -101,7 +101,8 @@ class RobotClaim:
                 raise RobotTakenError(self._own_text) from None
             raise self._taken(str(error)) from None
         if self._network is not None:
-            blocker = self._network.take(f'{who} on {socket.gethostname()}, {since}', check)
+            blocker = yield from self._network.take(
+                f'{who} on {socket.gethostname()}, {since}', moment)
             if blocker is not None:
                 raise self._taken(blocker)
 
@@ -173,7 +174,7 @@ class _NetworkClaim:
             target=_publish_periodically, args=(weakref.ref(self), self._stopped), name='claim',
             daemon=True).start()
 
-    def take(self, who: str, check: Callable[[], None]) -> str | None:
+    def take(self, who: str, moment: Moment) -> Steps[str | None]:
         """
         Request the claim, and wait until it is clear who gets it.
 
@@ -183,16 +184,18 @@ class _NetworkClaim:
             return self.holder()
         self._who = who
         self._set_state(WANTED)
-        asked = time.monotonic()
+        asked = moment.now
 
         def is_decided() -> bool:
             is_alone = self._node.count_publishers(self._publisher.topic_name) < 2
             settled = asked if is_alone else asked + CLAIM_SETTLE_TIME
-            return self._blocker() is not None or time.monotonic() >= max(
+            return self._blocker() is not None or moment.now >= max(
                 settled, self._joined + CLAIM_DISCOVERY_TIME)
 
         try:
-            wait_until(is_decided, CLAIM_DISCOVERY_TIME + CLAIM_SETTLE_TIME, check)
+            yield from until(
+                moment, is_decided, 'the claims of other programs',
+                CLAIM_DISCOVERY_TIME + CLAIM_SETTLE_TIME)
         except BaseException:
             self.withdraw()
             raise

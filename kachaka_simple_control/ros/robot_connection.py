@@ -19,7 +19,6 @@ Tested by test/ros/test_robot_discovery.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 import threading
 import time
@@ -29,6 +28,7 @@ from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.events import VelocityKind
 from kachaka_simple_control.control.guardian import Guardian, GuardianProcess, NullGuardian
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
+from kachaka_simple_control.control.preparation import complete, Moment, Steps, until, Wait
 from kachaka_simple_control.control.run_monitor import LeaseRenewer
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.timing import (
@@ -41,7 +41,6 @@ from kachaka_simple_control.control.timing import (
     STOP_REPEAT_PERIOD,
 )
 from kachaka_simple_control.control.velocity_gate import VelocityGate
-from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import MotionRefusedError, RobotTakenError, RunFaultError
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.ros.executors import BackgroundExecutor
@@ -53,9 +52,6 @@ from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.context import Context
 from rclpy.node import Node
-
-#: A function that raises an error if the drive was stopped while it waited for the robot.
-Check = Callable[[], None]
 
 
 @dataclass
@@ -86,7 +82,7 @@ class RobotConnection:
     executor: BackgroundExecutor
     is_taken: bool = False
 
-    def take(self, check: Check) -> None:
+    def prepare(self, moment: Moment) -> Steps[None]:
         """
         Get control of the robot; a program that has it requests manual control again after 20 s.
 
@@ -95,9 +91,9 @@ class RobotConnection:
         self.executor.ensure_spinning()
         self.claim.require()
         if not (self.is_taken and self.discovery.is_subscribed):
-            self._connect(check)
-        elif self.manual_control.is_needed and self.lease.is_stale(time.monotonic()):
-            self._enable_manual_control()
+            yield from self._connect(moment)
+        elif self.manual_control.is_needed and self.lease.is_stale(moment.now):
+            yield from self._enable_manual_control(moment)
 
     def release(self) -> None:
         """
@@ -110,42 +106,50 @@ class RobotConnection:
             return
         self.executor.ensure_spinning(take_over=True)
         # Another program may now drive the robot with manual control.
-        if self.foreign.has_recent(time.monotonic()) or self.foreign.detect():
+        if self.foreign.has_recent(time.monotonic()):
+            return
+        found: list[bool] = []
+
+        def detect(moment: Moment) -> Steps[None]:
+            found.append((yield from self.foreign.detect(moment)))
+
+        complete(detect, lambda: None)
+        if any(found):
             return
         if not self.manual_control.release(RELEASE_TIMEOUT):
             self.node.get_logger().warning(
                 f'The robot did not confirm within {RELEASE_TIMEOUT:g} s that manual control is '
                 'off; it goes off by itself')
 
-    def _connect(self, check: Check) -> None:
+    def _connect(self, moment: Moment) -> Steps[None]:
         timeout = self.parameters.robot_timeout
-        self.discovery.wait_for_robot(timeout, check)
+        yield from self.discovery.wait_for_robot(moment, timeout)
         # Take the claim before any message or request is sent.
-        self.claim.take(check)
+        yield from self.claim.take(moment)
         try:
             if not self.parameters.allow_other_publishers:
-                self.discovery.wait_for_publishers(check)
-            self.foreign.require_none(check)
+                yield from self.discovery.wait_for_publishers(moment)
+            yield from self.foreign.require_none(moment)
             if not self.parameters.allow_other_publishers:
-                self._require_at_rest(check)
+                yield from self._require_at_rest(moment)
         except BaseException:
             self.claim.withdraw()
             raise
         self.claim.hold()
         if self.manual_control.is_needed:
-            self._enable_manual_control()
-        self.discovery.wait_for_guardian(timeout, check)
+            yield from self._enable_manual_control(moment)
+        yield from self.discovery.wait_for_guardian(moment, timeout)
         self.gate.open()
-        self._prime(check)
+        yield from self._prime(moment)
         self.discovery.remember_robot()
         self.is_taken = True
-        if self.odometry_topic is not None and self.odometry.age(time.monotonic()) is None:
+        if self.odometry_topic is not None and self.odometry.age(moment.now) is None:
             self.node.get_logger().warning(
                 f'No odometry has come on {self.odometry_topic} yet: until some does, no stop can '
                 'be confirmed, and a robot that is lost is noticed only when its subscription '
                 'goes, which may take 20 s')
 
-    def _require_at_rest(self, check: Check) -> None:
+    def _require_at_rest(self, moment: Moment) -> Steps[None]:
         """
         Check with odometry, if any arrives, that the robot is at rest before it is driven.
 
@@ -154,30 +158,30 @@ class RobotConnection:
 
         :raises RobotTakenError: if odometry shows motion for REST_TIMEOUT (1 s)
         """
-        topic, began = self.odometry_topic, time.monotonic()
+        topic, began = self.odometry_topic, moment.now
         if topic is None:
             return
 
         def is_at_rest_or_unknown() -> bool:
-            now = time.monotonic()
+            now = moment.now
             if self.odometry.age(now) is None:
                 # The odometry of a robot is discovered a moment later than its subscription.
                 return not self.node.count_publishers(topic) and now - began > ODOMETRY_WAIT_TIME
             return not self.odometry.is_moving(now)
 
-        wait_until(is_at_rest_or_unknown, REST_TIMEOUT, check)
-        if self.odometry.is_moving(time.monotonic()):
+        yield from until(moment, is_at_rest_or_unknown, 'rest', REST_TIMEOUT)
+        if self.odometry.is_moving(moment.now):
             raise RobotTakenError(
                 f'{topic} sees the robot move already: another program drives it, '
                 'or somebody pushes it; nothing was sent. Stop that, or set the parameter '
                 'allow_other_publishers to true')
 
-    def _enable_manual_control(self) -> None:
-        requested = time.monotonic()
-        self.manual_control.enable(self.parameters.robot_timeout)
+    def _enable_manual_control(self, moment: Moment) -> Steps[None]:
+        requested = moment.now
+        yield from self.manual_control.enable(moment, self.parameters.robot_timeout)
         self.lease.granted(requested)
 
-    def _prime(self, check: Check) -> None:
+    def _prime(self, moment: Moment) -> Steps[None]:
         """
         Send zeros for ``prime_time`` before the first motion, and let the guardian send some.
 
@@ -186,16 +190,19 @@ class RobotConnection:
 
         :raises RunFaultError: if the guardian does not send its zero velocities
         """
-        end, count = time.monotonic() + self.parameters.prime_time, self.guardian.prime_count
-        while time.monotonic() < end:
-            check()
+        end, count = moment.now + self.parameters.prime_time, self.guardian.prime_count
+        while moment.now < end:
             self.gate.send_zero(self.gate.run, VelocityKind.PRIME)
-            self.publisher.sent.record_guardian_zero(time.monotonic())
+            self.publisher.sent.record_guardian_zero(moment.now)
             self.guardian.prime()
             count += 1
-            time.sleep(STOP_REPEAT_PERIOD)
+            due = moment.now + STOP_REPEAT_PERIOD
+            while moment.now < due:
+                yield Wait('its reader', due)
         # A late zero of the guardian would disturb the motion.
-        if not wait_until(lambda: self.guardian.prime_count >= count, GUARDIAN_PRIME_TIMEOUT):
+        if not (yield from until(
+                moment, lambda: self.guardian.prime_count >= count, 'the guardian',
+                GUARDIAN_PRIME_TIMEOUT)):
             raise RunFaultError(f'the guardian did not answer within {GUARDIAN_PRIME_TIMEOUT:g} s')
 
 
@@ -234,7 +241,8 @@ def start_guardian(
 
 
 def wait_for_rest(
-        feedback: PoseFeedback, odometry: StandstillDetector, name: str, check: Check) -> None:
+        moment: Moment, feedback: PoseFeedback, odometry: StandstillDetector,
+        name: str) -> Steps[None]:
     """
     Wait before a motion with a closed loop until odometry shows the robot at rest.
 
@@ -243,15 +251,14 @@ def wait_for_rest(
         motion, has time stamps that do not change, or has not arrived
     """
     def is_at_rest() -> bool:
-        check()
-        now = time.monotonic()
+        now = moment.now
         # A stamp that never changes counts as new only once.
         return (feedback.sample_count > 1 and feedback.age(now) <= FEEDBACK_MAX_AGE
                 and odometry.still_since(now) is not None)
 
-    if wait_until(is_at_rest, FEEDBACK_START_TIMEOUT):
+    if (yield from until(moment, is_at_rest, 'odometry at rest', FEEDBACK_START_TIMEOUT)):
         return
-    now = time.monotonic()
+    now = moment.now
     if odometry.is_moving(now):
         raise MotionRefusedError(f'a closed loop begins at rest, and {name} sees the robot move')
     if odometry.still_since(now) is not None:

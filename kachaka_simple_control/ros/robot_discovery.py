@@ -19,8 +19,8 @@ from collections.abc import Callable
 import os
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
+from kachaka_simple_control.control.preparation import Moment, Steps, until
 from kachaka_simple_control.control.timing import DISCOVERY_TIMEOUT, PUBLISHER_SEARCH_TIMEOUT
-from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.ros.dds_transport import is_localhost_only
@@ -85,16 +85,16 @@ class RobotDiscovery:
         """
         self._required_participant = participant
 
-    def wait_for_robot(self, timeout: float, check: Callable[[], None]) -> None:
+    def wait_for_robot(self, moment: Moment, timeout: float) -> Steps[None]:
         """
         Wait until a robot is found in the ROS graph and can be driven.
 
         :raises RobotNotFoundError: at the timeout; the message says what is missing
         """
-        if not wait_until(lambda: not self._problem(), timeout, check):
+        if not (yield from until(moment, lambda: not self._problem(), 'a robot', timeout)):
             raise RobotNotFoundError(self._not_found(timeout))
 
-    def wait_for_guardian(self, timeout: float, check: Callable[[], None]) -> None:
+    def wait_for_guardian(self, moment: Moment, timeout: float) -> Steps[None]:
         """
         Wait until the robot can be driven, and the guardian's publisher has discovered the robot.
 
@@ -107,15 +107,16 @@ class RobotDiscovery:
             robot = self._find_robot()
             return self._guardian.unmatched(robot) != robot and not self._problem()
 
-        if not wait_until(is_found, timeout, check):
+        if not (yield from until(moment, is_found, 'the guardian', timeout)):
             # If discovery has found a problem meanwhile, report this problem: it explains more.
             raise RobotNotFoundError(self._not_found(timeout) if self._problem() else (
                 f'the guardian has not discovered the robot within {timeout:g} s, so nothing '
                 'moved; the parameter guardian:=false drives without one'))
-        wait_until(lambda: not self._guardian.unmatched(self._find_robot()), DISCOVERY_TIMEOUT,
-                   check)
+        yield from until(
+            moment, lambda: not self._guardian.unmatched(self._find_robot()), 'the guardian',
+            DISCOVERY_TIMEOUT)
 
-    def wait_for_publishers(self, check: Callable[[], None]) -> None:
+    def wait_for_publishers(self, moment: Moment) -> Steps[None]:
         """
         Wait until this node has discovered the publishers that the guardian's search has found.
 
@@ -129,8 +130,11 @@ class RobotDiscovery:
             return self._guardian.found_publishers(topic) - own <= set(participants(
                 self._node.get_publishers_info_by_topic(topic)))
 
-        wait_until(lambda: self._guardian.has_searched, PUBLISHER_SEARCH_TIMEOUT, check)
-        wait_until(has_discovered_all, DISCOVERY_TIMEOUT, check)
+        yield from until(
+            moment, lambda: self._guardian.has_searched, 'the search for other programs',
+            PUBLISHER_SEARCH_TIMEOUT)
+        yield from until(
+            moment, has_discovered_all, 'the publishers of other programs', DISCOVERY_TIMEOUT)
 
     def check_subscribed(self) -> None:
         """

@@ -33,6 +33,7 @@ from kachaka_simple_control.control.events import (
     OdometryReceived,
 )
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
+from kachaka_simple_control.control.preparation import complete, Moment, Steps
 from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.run_monitor import LeaseRenewer, RunMonitor
 from kachaka_simple_control.control.signals import signal_dispatcher
@@ -100,7 +101,7 @@ class Session:
             command=profile.command)
         self.gate.publish = publish
         self._manual_control = ManualControlClient(
-            node, names.manual_control, self._require_wanted, profile.manual_control_timeout)
+            node, names.manual_control, profile.manual_control_timeout)
         self._discovery = RobotDiscovery(
             node, names, publisher, self._manual_control, self._guardian, profile)
         self._foreign = ForeignMessages(
@@ -253,7 +254,7 @@ class Session:
         self._request, self._has_reported = request, False
         request.period = period
         self.require_not_stopped()
-        self._connection.take(self._require_wanted)
+        complete(self._connection.prepare, self._require_wanted)
         feedback = begin_feedback()
         # Only now: the pending stop of the previous movement must still be sent if the wait for
         # the robot is long.
@@ -428,12 +429,16 @@ class Session:
 
     def _begin_feedback(self, plan: Plan, limits: Limits) -> PoseFeedback:
         """Wait until odometry shows the robot at rest, then start the closed loop for a plan."""
-        assert self._feedback is not None
-        wait_for_rest(
-            self._feedback, self.odometry, f'odometry on {self._feedback_topic}',
-            self._require_wanted)
-        self._feedback.begin(plan, limits)
-        return self._feedback
+        feedback = self._feedback
+        assert feedback is not None
+
+        def rest(moment: Moment) -> Steps[None]:
+            yield from wait_for_rest(
+                moment, feedback, self.odometry, f'odometry on {self._feedback_topic}')
+
+        complete(rest, self._require_wanted)
+        feedback.begin(plan, limits)
+        return feedback
 
     def _more_zeros_time(self) -> float:
         """Return how much longer a stop must go on [s]; 0 at rest, or if somebody else drives."""

@@ -261,11 +261,17 @@ def test_a_publisher_that_is_found_before_the_robot_is_taken_is_left_alone(liste
     other.send()
     listener.wait_for(lambda velocity: velocity.moves)
     with script("""
-from kachaka_simple_control.control.waiting import wait_until
+from kachaka_simple_control.control.preparation import until
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.robot_connection import RobotConnection
-ForeignMessages.require_none = lambda self, check: self.update()
-RobotConnection._require_at_rest = lambda self, check: wait_until(lambda: False, 5.0, check)
+
+def require_none(self, moment):
+    self.update()
+    yield from ()
+
+ForeignMessages.require_none = require_none
+RobotConnection._require_at_rest = lambda self, moment: until(
+    moment, lambda: False, 'a test', 5.0)
 """ + BEGIN + 'node.move_robot(0.1, 0.0, 0.3)\n', tmp_path) as started:
         assert started.end() == 3
     assert 'nothing was sent' in started.text

@@ -21,6 +21,7 @@ import tempfile
 import time
 
 from kachaka_simple_control.control.guardian import GuardianProcess
+from kachaka_simple_control.control.preparation import complete
 from kachaka_simple_control.control.processes import child_environment, python_command
 from kachaka_simple_control.control.velocity_gate import GateState
 from kachaka_simple_control.errors import RobotNotFoundError
@@ -166,14 +167,14 @@ def test_nothing_is_sent_before_all_that_was_found_is_discovered(listener, conne
 
     end = time.monotonic() + 2.0  # a publisher is discovered within 3 s
     with pytest.raises(InterruptedError):
-        connection.take(check)
+        complete(connection.prepare, check)
     assert not listener.received
 
 
 def test_a_publisher_that_has_left_keeps_nobody_waiting_for_long(
         listener, connection, monkeypatch):
     monkeypatch.setattr(robot_discovery, 'DISCOVERY_TIMEOUT', 0.3)
-    connection.take(lambda: None)
+    complete(connection.prepare, lambda: None)
     assert listener.received
 
 
@@ -181,7 +182,7 @@ def test_with_others_allowed_nobody_waits_for_them(listener, make):
     session = make(allow_other_publishers=True).session
     session._discovery._guardian = Search()
     began = time.monotonic()
-    session._connection.take(lambda: None)
+    complete(session._connection.prepare, lambda: None)
     assert time.monotonic() - began < robot_discovery.DISCOVERY_TIMEOUT
 
 
