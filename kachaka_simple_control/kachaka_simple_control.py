@@ -13,7 +13,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The node that drives a robot, and the lesson.  Tested by test/ros/test_session.py."""
+"""The node that drives a robot, and the lesson.  Tested by test/ros/test_robot.py."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.timing import DISCOVERY_TIMEOUT, MAX_LATENESS, rate_problem
 from kachaka_simple_control.errors import (
     RobotMovedError,
@@ -50,13 +51,15 @@ from kachaka_simple_control.motion.steps import Motion, Move, Step
 from kachaka_simple_control.motion.units import require_number
 from kachaka_simple_control.ros.commander import Commander
 from kachaka_simple_control.ros.dds_transport import start_on_this_machine, use_udp_transport
+from kachaka_simple_control.ros.drive_services import DriveServices
 from kachaka_simple_control.ros.executors import before_shutdown
+from kachaka_simple_control.ros.hub import Hub
 from kachaka_simple_control.ros.introspection import IntrospectionPublishers
 from kachaka_simple_control.ros.names import INTROSPECTION_TOPICS, names_of
 from kachaka_simple_control.ros.node_parameters import require_no_parameter
 from kachaka_simple_control.ros.odometry import subscribe_to_odometry
 from kachaka_simple_control.ros.parameters import declare_parameters, warn_of_unknown
-from kachaka_simple_control.ros.session import Session
+from kachaka_simple_control.ros.robot import Robot
 from kachaka_simple_control.ros.signal_handler import NodeSignalHandler
 from kachaka_simple_control.ros.startup import check_node_names, ensure_started, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import taken_type, VelocityPublisher
@@ -76,8 +79,8 @@ NAME = 'kachaka_simple_control'
 SERVICES = ('~/stop', '~/run', '~/pause', '~/resume')
 
 
-#: The sessions of all nodes, so that their robots stop at the same time when the program ends.
-_sessions = Closers()
+#: All nodes, so that their robots stop at the same time when the program ends.
+_nodes = Closers()
 # Called at import, because a script may fail before it creates a node.
 signal_dispatcher.handle_uncaught()
 
@@ -92,8 +95,9 @@ class KachakaSimpleControl(Node):
     The robot is stopped before the program ends, also after a signal or an exception.
 
     :ivar event_bus: passes the events of each drive, such as sent velocities, to displays and logs
-    :ivar commander: the functions that ROS services and the keyboard call to pause, resume and
-        stop; for internal use in this package
+    :ivar robot: what this node has for its robot; for internal use in this package
+    :ivar commander: drives, stops, pauses and resumes; for internal use in this package
+    :ivar drive_services: the services of this node; for internal use in this package
     :ivar publisher: the publisher of velocities, for inspection only; its ``publish()`` always
         raises an error
     """
@@ -127,8 +131,11 @@ class KachakaSimpleControl(Node):
         try:
             self._set_up(parameter_defaults or {}, sim)
         except BaseException:
-            if hasattr(self, 'session'):
-                self.session.close()
+            if hasattr(self, 'commander'):
+                self.commander.close()
+            elif hasattr(self, '_hub'):
+                self._hub.close()
+                self.event_bus.close()
             # A remaining publisher would be mistaken for another driving program.
             super().destroy_node()
             raise
@@ -151,32 +158,37 @@ class KachakaSimpleControl(Node):
         self.publisher = VelocityPublisher(
             self, self.robot_names.velocity, self.profile.message_type, self.profile.frame)
         self._introspection = IntrospectionPublishers(self, self.publisher, self.profile)
+        self.event_bus = EventBus(self.get_logger().warning)
+        hub = self._hub = Hub(self, self.event_bus.publish)
         parameters, reader = self.node_parameters, None
         if (parameters.summary or parameters.odometry_timeout or parameters.closed_loop
                 or parameters.within):
             reader = subscribe_to_odometry(
-                self, self.robot_names, self._introspection.set_frame)
+                self, self.robot_names, hub.odometry_group, self._introspection.set_frame)
             for what, is_wanted in (
                     ('a closed loop', parameters.closed_loop), ('within', parameters.within)):
                 if is_wanted and reader is None:
                     raise UsageError(f'{what} needs odometry, ' + (
                         'and nav_msgs is not installed' if self.robot_names.odometry
                         else f'and profile {self.profile.name} names none'))
-        self.event_bus = EventBus(self.get_logger().warning)
-        self.session = Session(
-            self, self.publisher, self.profile, self.robot_names, self.node_parameters,
-            self.event_bus.publish, reader)
+        self.robot = Robot(
+            hub, self.publisher, self.profile, self.robot_names, self.node_parameters)
+        self.commander = Commander(hub, self.robot)
+        if reader is not None:
+            reader.on_odometry = self.robot.on_odometry
+            hub.start_odometry([reader])
         if sim:
             self._simulation = OwnSimulation(
                 self.profile, self.node_parameters.robot_namespace)
-            self.session.require_robot(self._simulation.require_participant)
+            self.robot.discovery.require_participant(self._simulation.require_participant)
         self._event_file = EventFile() if self.node_parameters.summary else None
         if self._event_file is not None:
             self.event_bus.subscribe(self._event_file.send)
-        self._introspection.attach(self.event_bus, self.session.status_reader)
-        self.session.speed_factor.on_change = self._on_speed_factor
-        self.commander = Commander(self, self.session, self.node_parameters.speed_factor)
-        self._signal_handler = NodeSignalHandler(self, self.session)
+        self._introspection.attach(self.event_bus, self.robot.status_reader)
+        self.speed.on_change = self._on_speed_factor
+        self.drive_services = DriveServices(
+            self, self.commander, self.node_parameters.speed_factor)
+        self._signal_handler = NodeSignalHandler(self, self.commander)
         self._stop_on_every_exit()
 
     def _take_type_of_robot(self) -> None:
@@ -209,7 +221,7 @@ class KachakaSimpleControl(Node):
         step = Move(linear_x, angular_z, duration)
         # Checked here, because the planner's error would name a step that the caller cannot know.
         self.profile.planning_limits.check(step.velocity)
-        self.session.drive(DriveOrder.of(
+        self.commander.drive(DriveOrder.of(
             Motion('move_robot', (step,)), self.profile.planning_limits,
             self.node_parameters.rate))
         self.get_logger().info('Robot has stopped')
@@ -234,7 +246,7 @@ class KachakaSimpleControl(Node):
             ``square``, or the path of a motion file, whose limits and rate are then the defaults
         :param limits: the limits for the plan; None for the robot's limits
         :param request: the accepted request for this drive, if another thread has already called
-            ``session.request``; None to request the drive now
+            ``commander.request``; None to request the drive now
         :param rate: how often a velocity is sent [Hz]; None for the parameter ``rate``
         :raises UsageError: if ``motion`` is none of these, ``limits`` are not ``Limits``, or the
             rate is too low or too high for the robot; nothing has moved
@@ -262,11 +274,20 @@ class KachakaSimpleControl(Node):
             raise UsageError(f'rate is {problem}')
         if self.node_parameters.corners:
             motion = replace(motion, corners=self.node_parameters.corners)
-        driven = self.session.drive(DriveOrder.of(
+        self.drive(DriveOrder.of(
             motion, self.profile.planning_limits, rate, limits,
             self.node_parameters.closed_loop), request)
+
+    def drive(self, order: DriveOrder, request: DriveRequest | None = None) -> None:
+        """
+        Drive as ``run`` does, with a motion whose limits and rate are known.
+
+        :raises InvalidMotionError: if the robot cannot drive the motion; nothing has moved
+        :raises ControlError: if the motion could not be completed; the robot was stopped
+        """
+        driven, name = self.commander.drive(order, request), escaped(order.motion.name)
         self.get_logger().info(
-            f'Motion completed: {escaped(motion.name)}, {pluralize(len(driven.steps), "step")}, '
+            f'Motion completed: {name}, {pluralize(len(driven.steps), "step")}, '
             f'{driven.duration:.3f} seconds{self._delay(driven)}')
 
     def _find(self, name_or_path: str | os.PathLike[str]) -> MotionFile:
@@ -298,7 +319,7 @@ class KachakaSimpleControl(Node):
 
         :raises RunFaultError: if the stop could not be sent, or odometry still shows motion
         """
-        self.session.stop('stop_robot()')
+        self.commander.stop('stop_robot()')
 
     def pause(self) -> None:
         """
@@ -335,11 +356,20 @@ class KachakaSimpleControl(Node):
         thread may do this.  The returned value can be lower than the factor that was set; for
         example, it is 0 during a pause.
         """
-        return self.session.speed_factor.value
+        return self.speed.value
 
     @speed_factor.setter
     def speed_factor(self, factor: float) -> None:
         self.commander.set_speed(factor)
+
+    @property
+    def speed(self) -> SpeedFactor:
+        """
+        Return what the speed is made of: factors by name, of which the product counts.
+
+        ``robot.speed.set('obstacle', 0.3, valid_for=0.5)`` slows down for a reason of your own.
+        """
+        return self.robot.speed_factor
 
     @property
     def drive_log(self) -> DriveLog:
@@ -354,7 +384,7 @@ class KachakaSimpleControl(Node):
     @property
     def is_heard(self) -> bool:
         """Whether the publishers of this node and of the guardian both have a subscriber."""
-        return self.session.has_subscriber
+        return self.robot.is_heard
 
     @property
     def stop_confirmed_after(self) -> float | None:
@@ -364,7 +394,7 @@ class KachakaSimpleControl(Node):
         The value is None before the first stop, if odometry still shows motion, and without
         odometry.
         """
-        return self.session.stop_confirmed_after
+        return self.robot.stop_confirmed_after
 
     def destroy_node(self) -> None:
         """
@@ -377,7 +407,7 @@ class KachakaSimpleControl(Node):
         finally:
             self._introspection.close()
             signal_dispatcher.unregister(self._signal_handler)
-            _sessions.remove(self.session.close)
+            _nodes.remove(self.commander.close)
             self._allow_shutdown()
             atexit.unregister(self._close_at_exit)
             super().destroy_node()
@@ -389,8 +419,8 @@ class KachakaSimpleControl(Node):
         The text is empty, unless the drive was clearly longer than planned: by more than
         MAX_LATENESS plus the time between two velocity messages.
         """
-        assert self.session.gate.run is not None
-        took = time.monotonic() - self.session.gate.run.began
+        assert self.robot.gate.run is not None
+        took = time.monotonic() - self.robot.gate.run.began
         is_delayed = took > driven.duration + driven.period + MAX_LATENESS
         return f' planned, driven in {took:.3f}' if is_delayed else ''
 
@@ -405,7 +435,7 @@ class KachakaSimpleControl(Node):
                 'Made outside the main thread, this node does not receive signals: make it in the '
                 'main thread, or call stop_robot() on the way out')
         signal_dispatcher.reinstall()
-        _sessions.add(self.session.close, self.context)
+        _nodes.add(self.commander.close, self.context)
         self._allow_shutdown = before_shutdown(self.context, self._release)
         # atexit calls in reverse order, so the robot is released first.
         atexit.unregister(_discard_if_stopped)
@@ -414,13 +444,13 @@ class KachakaSimpleControl(Node):
 
     def _release(self) -> None:
         """Stop and release the robots of all nodes of this context, before it shuts down."""
-        _sessions.close_all(self.context)
-        self.session.close()
+        _nodes.close_all(self.context)
+        self.commander.close()
         self.event_bus.flush()
 
     def _close_at_exit(self) -> None:
         """Stop and release the robots of all nodes, then close this node; called at exit."""
-        _sessions.close_all()
+        _nodes.close_all()
         try:
             self._close()
         except RunFaultError as error:  # a traceback would be printed
@@ -428,7 +458,7 @@ class KachakaSimpleControl(Node):
 
     def _close(self) -> None:
         """Stop and release the robot, and end the simulated robot, if any; once."""
-        self.session.close()
+        self.commander.close()
         self.event_bus.close()
         if self._event_file is not None:
             self._event_file.close()

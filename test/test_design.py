@@ -117,15 +117,15 @@ def test_a_row_names_a_file_and_what_it_defines(row):
 
 
 @pytest.mark.parametrize('file, name, wrong', [
-    ('`control/stop.py`', '`send_stop`', None),
+    ('`control/stop.py`', '`stop_steps`', None),
     ('`control/stop.py`', '`StopController.stop`', None),
     ('`benchmarks/stop_matrix/rows.py`', '`ROWS`', None),
     ('`robots/turtlebot3.yaml`', '`command_timeout`', None),
-    ('`control/stopping.py`', '`send_stop`', 'no file control/stopping.py'),
-    ('`control/stop.py`', '`send_stops`', 'does not define send_stops'),
+    ('`control/stopping.py`', '`stop_steps`', 'no file control/stopping.py'),
+    ('`control/stop.py`', '`stop_stepss`', 'does not define stop_stepss'),
     # Imported there, defined elsewhere.
     ('`control/stop.py`', '`VelocityGate`', 'does not define VelocityGate'),
-    ('`control/stop.py`', '`StopController.send_stop`', 'does not define'),
+    ('`control/stop.py`', '`StopController.stop_steps`', 'does not define'),
     ('`robots/turtlebot3.yaml`', '`command_timeouts`', 'does not define command_timeouts'),
     ('`control/stop.py`, `control/latch.py`', '`Latch`', 'one file'),
     ('`control/stop.py`', '', 'at least one thing'),

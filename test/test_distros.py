@@ -37,7 +37,9 @@ COMMON = {
     'rclpy.context': {'Context'},
     'rclpy.expand_topic_name': {'expand_topic_name'},
     'rclpy.exceptions': {'NameValidationException', 'ParameterException'},
-    'rclpy.executors': {'Executor', 'ExternalShutdownException', 'SingleThreadedExecutor'},
+    'rclpy.executors': {
+        'Executor', 'ExternalShutdownException', 'MultiThreadedExecutor',
+        'SingleThreadedExecutor'},
     'rclpy.impl.implementation_singleton': {'rclpy_implementation'},
     'rclpy.node': {'Node'},
     'rclpy.parameter': {'Parameter'},

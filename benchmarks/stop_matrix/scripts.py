@@ -85,8 +85,8 @@ PUSHED = """
 import threading
 from dataclasses import replace
 from kachaka_simple_control import KachakaSimpleControl
-from kachaka_simple_control.ros.session import Session
-on_odometry, pushed = Session.on_odometry, []
+from kachaka_simple_control.ros.robot import Robot
+on_odometry, pushed = Robot.on_odometry, []
 
 def shifted(self, now, pose, velocity, is_new=True):
     on_odometry(self, now, replace(pose, x=pose.x + 0.5 * bool(pushed)), velocity, is_new)
@@ -101,11 +101,11 @@ def ask(robot):
     except Exception as error:
         print(error, flush=True)
 
-Session.on_odometry = shifted
+Robot.on_odometry = shifted
 KachakaSimpleControl.push = lambda self: pushed.append(True)
 KachakaSimpleControl.ask_ten_times = ask_ten_times
-KachakaSimpleControl.hold = lambda self: self.session.speed_factor.set('obstacle', 0.0)
-KachakaSimpleControl.release = lambda self: self.session.speed_factor.set('obstacle', 1.0)
+KachakaSimpleControl.hold = lambda self: self.speed.set('obstacle', 0.0)
+KachakaSimpleControl.release = lambda self: self.speed.set('obstacle', 1.0)
 """ + PAUSED
 
 #: Starts when another program already drives the robot, whose publisher is discovered too late.
@@ -144,7 +144,7 @@ BY_HAND = USER + """
 from kachaka_simple_control.control.hand_source import HandSource
 from kachaka_simple_control.motion.geometry import Velocity
 
-hand = HandSource(node.profile.planning_limits, node.session.robot_drive.on_source_changed)
+hand = HandSource(node.profile.planning_limits, node.robot.drive.on_source_changed)
 
 def command(duration):
     for number in range(round(duration / 0.05)):
@@ -157,7 +157,7 @@ def drive():
 
 wait_for_go()
 threading.Thread(target=drive, daemon=True).start()
-node.session.drive_source('by hand', hand, 0.05)
+node.commander.drive_source('by hand', hand, 0.05)
 """
 
 #: Drives by hand; the commands end without a zero.
@@ -396,7 +396,7 @@ node.move_robot(0.1, 0.0, DURATION)
 """
 
 SUSPENDED = USER + """
-gate = node.session.gate
+gate = node.robot.gate
 clock = gate._gap_clock
 
 def suspend():

@@ -18,7 +18,6 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import accumulate
 import math
 from operator import attrgetter
@@ -34,7 +33,7 @@ from kachaka_simple_control.control.events import (
     SpeedFactorChanged,
     VelocitySent,
 )
-from kachaka_simple_control.motion.plan import Plan, plan, PlannedStep
+from kachaka_simple_control.motion.plan import Plan, PlannedStep
 from kachaka_simple_control.motion.steps import Step
 
 #: The tolerance of a comparison of two times [s], because times are sums with rounding errors.
@@ -192,10 +191,10 @@ class MotionLog:
         """Return whether the motion was driven to its end."""
         return self.ended is not None and self.reason is None
 
-    @cached_property
+    @property
     def plan(self) -> Plan:
-        """Return the plan of the motion, computed from the motion and its limits and rate."""
-        return plan(self.planned.motion, self.planned.limits, self.planned.rate)
+        """Return the plan of the motion."""
+        return self.planned.plan
 
     @property
     def timeline(self) -> PlanTimeline:

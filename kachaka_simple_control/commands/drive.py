@@ -30,8 +30,7 @@ from kachaka_simple_control.commands.settings import (
     chosen_speed,
     describe_overrides,
     in_file,
-    Settings,
-    with_corners,
+    order_of,
 )
 from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import make_nonblocking, print_result, STDERR, STDOUT
@@ -56,8 +55,7 @@ if TYPE_CHECKING:
     from kachaka_simple_control.commands.remote_control import RemoteControl
     from kachaka_simple_control.commands.remote_reports import ReportWriter
     from kachaka_simple_control.files.motion_file import MotionFile
-    from kachaka_simple_control.motion.limits import Limits
-    from kachaka_simple_control.motion.steps import Motion
+    from kachaka_simple_control.motion.drive_order import DriveOrder
 
 #: The function that each key calls, by the character of the key.
 Keys = dict[str, Callable[[], object]]
@@ -95,14 +93,14 @@ def drive(options: Options) -> DriveLog:
         remote = _remote_control(stack, robot_control, reports, options)
         try:
             reporter = subscribers.required = _start_subscribers(
-                subscribers, options, motion_file is None, robot_control.session.guardian_memory)
+                subscribers, options, motion_file is None,
+                robot_control.robot.guardian.shared_memory)
             is_shown = not options.is_quiet and terminal.is_terminal(STDERR)
             keys = _keys(robot_control) if is_shown else {}
             _log_settings(robot_control, options, motion_file)
             stack.enter_context(_console(robot_control, options, motion_file))
-            if motion_file is not None:
-                motion_file = with_corners(
-                    options, motion_file, robot_control.node_parameters.corners)
+            order = None if motion_file is None else order_of(
+                options, motion_file, robot_control.node_parameters, robot_control.profile)
             robot_control.event_bus.publish(session_started(
                 robot_control, _title(options, motion_file),
                 robot_control.profile, robot_control.robot_names, robot_control.node_parameters,
@@ -111,12 +109,12 @@ def drive(options: Options) -> DriveLog:
                 movement_count=_count_movements() if motion_file is None else None,
                 motion_source='' if motion_file is None else motion_file.source,
                 motion_text=None if motion_file is None else motion_file.text))
-            if factors := robot_control.session.speed_factor.factors:
+            if factors := robot_control.speed.factors:
                 robot_control.event_bus.publish(
                     SpeedFactorChanged(time.monotonic(), dict(factors)))
             if options.starts_bridge:
                 _start_bridge(stack, options, robot_control)
-            _run(robot_control, motion_file, options.wait, keys, remote)
+            _run(robot_control, order, options.wait, keys, remote)
         except KeyboardInterrupt:
             robot_control.get_logger().info('Program was interrupted')
         finally:
@@ -231,7 +229,7 @@ def _start_bridge(
     bridge = stack.enter_context(
         simulated_bridge(namespace, options.simulation) if options.address is None
         else real_bridge(options.address, namespace))
-    robot_control.session.require_robot(bridge.require_participant)
+    robot_control.robot.discovery.require_participant(bridge.require_participant)
 
 
 def _motion_file(options: Options) -> MotionFile | None:
@@ -253,7 +251,7 @@ def _motion_file(options: Options) -> MotionFile | None:
             f'--sim and --address start a kachaka, not a {profile.name}: leave out that '
             'option, or --robot')
     if motion_file is not None:
-        settings.limits_of(with_corners(options, motion_file, settings.corners))
+        order_of(options, motion_file, settings, profile)
     elif options.corners is not None or settings.corners:
         raise UsageError(
             'corners are for motions: the lesson calls move_robot(), which ends each movement '
@@ -292,31 +290,28 @@ def _parameters(options: Options) -> list[Parameter]:
 
 
 def _run(
-        robot_control: KachakaSimpleControl, motion_file: MotionFile | None, wait: bool,
+        robot_control: KachakaSimpleControl, order: DriveOrder | None, wait: bool,
         keys: Keys, remote: RemoteControl | None) -> None:
     if remote is not None:
         remote.serve()
         return
-    if motion_file is None:
+    if order is None:
         with terminal.Keyboard(keys, robot_control.get_logger().warning):
             play_lesson(robot_control)
-        return
-    used = robot_control.node_parameters
-    limits = Settings(
-        used.robot, used.rate, robot_control.profile, used.closed_loop).limits_of(motion_file)
-    if wait:
-        _wait_for_requests(robot_control, motion_file.motion, limits, keys)
+    elif wait:
+        _wait_for_requests(robot_control, order, keys)
     else:
         with terminal.Keyboard(keys, robot_control.get_logger().warning):
-            robot_control.run(motion_file.motion, limits)
+            robot_control.drive(order)
 
 
 def _wait_for_requests(
-        robot_control: KachakaSimpleControl, motion: Motion, limits: Limits, keys: Keys) -> None:
+        robot_control: KachakaSimpleControl, order: DriveOrder, keys: Keys) -> None:
     """Drive a motion at each call of ``~/run`` and each Enter, until the node is stopped."""
     commander = robot_control.commander
-    drive = partial(robot_control.run, motion, limits)
-    name = commander.serve('~/run', partial(commander.request_start, drive))
+    drive = partial(robot_control.drive, order)
+    services = robot_control.drive_services
+    name = services.serve('~/run', partial(services.start, drive))
     how = f'`ros2 service call {name} std_srvs/srv/Trigger` starts the motion'
     start = {'\n': partial(commander.start, drive)}
     with terminal.Keyboard({**keys, **start}, robot_control.get_logger().warning):
@@ -324,7 +319,7 @@ def _wait_for_requests(
         if terminal.is_keyboard():
             how = f'Enter starts the motion, Ctrl+C ends this program; {how}, too'
         robot_control.get_logger().info(f'Standing by: {how}')
-        robot_control.session.serve_until_stopped()
+        commander.serve_until_stopped()
 
 
 def _keys(robot_control: KachakaSimpleControl) -> Keys:

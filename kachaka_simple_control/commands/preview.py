@@ -22,12 +22,11 @@ from kachaka_simple_control.commands.cli import Options
 from kachaka_simple_control.commands.settings import (
     choose_settings,
     describe_overrides,
-    with_corners,
+    order_of,
 )
 from kachaka_simple_control.control.output import print_result
 from kachaka_simple_control.files.library import find, library
 from kachaka_simple_control.files.robot_profile import find_robot, robots
-from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.plan_plot import save_plot
 from kachaka_simple_control.report.text_tables import plan_table, terminal_columns
@@ -86,9 +85,6 @@ def plan_view(name: str, options: Options) -> PlanView:
     if not options.list:
         for line in describe_overrides(options, motion_file, settings):
             print(line, file=sys.stderr)
-    motion_file = with_corners(options, motion_file, settings.corners)
     profile = settings.profile
-    order = DriveOrder.of(
-        motion_file.motion, profile.planning_limits, settings.rate,
-        settings.limits_of(motion_file), settings.closed_loop)
-    return PlanView(order.motion.name, profile.name, order.plan(), order.limits, profile.footprint)
+    order = order_of(options, motion_file, settings, profile)
+    return PlanView(order.motion.name, profile.name, order.plan, order.limits, profile.footprint)

@@ -63,7 +63,7 @@ class RemoteCommands:
     def __init__(
             self, robot_control: KachakaSimpleControl, source: int, writer: ReportWriter) -> None:
         self._robot_control = robot_control
-        self._session = robot_control.session
+        self._robot = robot_control.robot
         self._commander = robot_control.commander
         # Only a Kachaka tells something about itself.
         self._info = RobotInfo(
@@ -142,14 +142,14 @@ class RemoteCommands:
             'slowed down')
 
     def _stop(self, number: int, changes: int) -> None:
-        is_done, odometry = True, self._session.odometry
+        is_done, odometry = True, self._robot.odometry
         try:
-            text = self._session.stop('a remote stop')
+            text = self._commander.stop('a remote stop')
         except ControlError as error:
             is_done, text = False, str(error)
         # Whoever drives next begins as after the start, and not paused or slowed down by others.
         with contextlib.suppress(ControlError):  # it was stopped for good
-            self._commander.begin_anew(changes)
+            self._commander.begin_anew(changes, self._robot_control.node_parameters.speed_factor)
         now = time.monotonic()
         is_confirmed = None if odometry.age(now) is None else (
             odometry.still_since(now) is not None)
@@ -164,7 +164,7 @@ class RemoteCommands:
         newest, written = None, -math.inf
         while not self._is_over:
             time.sleep(REMOTE_REPORT_PERIOD)
-            progress = self._session.robot_drive.progress
+            progress = self._commander.state
             self._write_more(progress)
             state = self._state(progress)
             if (info := self._info) is not None:
@@ -181,7 +181,7 @@ class RemoteCommands:
 
     def _state(self, progress: RunProgress) -> protocol.State:
         return state_of(
-            self._session, progress, self._writer.velocity,
+            self._robot, progress, self._writer.velocity,
             is_taken=progress.state in UNDER_WAY, is_by_hand=False, reason=progress.ended_by)
 
     def _answer(self, number: int, execute: Callable[[], str]) -> None:

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import contextlib
+from dataclasses import replace
 from queue import SimpleQueue
 import threading
 
@@ -45,8 +46,8 @@ from kachaka_simple_control.errors import (
 )
 from kachaka_simple_control.files.motion_file import loads, MotionFile
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
+from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.geometry import Velocity
-from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.text import quoted
 
 #: The name of the speed factor that the commands keep valid while a motion runs.
@@ -114,10 +115,10 @@ class RemoteControl(RemoteCommands):
         with self._lock:
             if not self._is_running_motion:
                 return
-            if self._session.speed_factor.factors.get(REMOTE) == 0.0:
+            if self._robot.speed_factor.factors.get(REMOTE) == 0.0:
                 # Who is there again may not know that the motion was held.
                 self._pause()
-            self._session.speed_factor.set(REMOTE, 1.0, REMOTE_SILENCE_TIMEOUT)
+            self._robot.speed_factor.set(REMOTE, 1.0, REMOTE_SILENCE_TIMEOUT)
 
     def _execute(self, command: protocol.Command) -> None:
         """Execute a command; all that may take time is done in another thread."""
@@ -162,7 +163,7 @@ class RemoteControl(RemoteCommands):
                 self._writer.write(protocol.Answer(number, True, 'ready'))
                 return
             # From now on a stop ends this drive, even before the robot is found.
-            request = self._session.request(elsewhere=True)
+            request = self._commander.request(elsewhere=True)
             self._is_taken, self._take, self._reason = True, number, None
             self._jobs.put(lambda: self._drive_by_hand(request))
 
@@ -184,7 +185,9 @@ class RemoteControl(RemoteCommands):
             raise motion_file.error_at('closed_loop', (
                 f'{str(settings.closed_loop).lower()}, and this drive was started otherwise: '
                 'leave it out, or start with -p closed_loop:=true after --ros-args'))
-        limits = settings.limits_of(motion_file)
+        corners = robot.node_parameters.corners or motion_file.motion.corners
+        order = replace(motion_file, motion=replace(motion_file.motion, corners=corners)).order(
+            robot.profile, settings.rate, settings.closed_loop)
         with self._lock:
             if self._stop_count != stop_count:
                 raise MotionRefusedError('a stop came after the command')
@@ -194,8 +197,8 @@ class RemoteControl(RemoteCommands):
                 raise MotionRunningError(
                     'a motion is running already; wait for its end, or stop it')
             self._is_running_motion = True
-            self._session.speed_factor.set(REMOTE, 1.0, REMOTE_SILENCE_TIMEOUT)
-            self._jobs.put(lambda: self._drive_motion(motion_file, limits, settings.rate))
+            self._robot.speed_factor.set(REMOTE, 1.0, REMOTE_SILENCE_TIMEOUT)
+            self._jobs.put(lambda: self._drive_motion(order))
             self._jobs.put(lambda: self._drive_by_hand(None))
             if self._hand is not None:
                 self._hand.end()
@@ -210,36 +213,36 @@ class RemoteControl(RemoteCommands):
         """
         hand = HandSource(
             self._robot_control.profile.planning_limits,
-            self._session.robot_drive.on_source_changed)
+            self._robot.drive.on_source_changed)
         with self._lock:
             if request is None:
                 if not self._is_taken:
                     return
-                request = self._session.request()
+                request = self._commander.request()
             self._hand = hand
             if not self._jobs.empty():  # a motion was commanded meanwhile
                 hand.end()
         try:
-            self._session.drive_source('by hand', hand, HAND_PERIOD, request)
+            self._commander.drive_source('by hand', hand, HAND_PERIOD, request)
         except ControlError as error:
             self._on_failure(error)
         finally:
             self._hand = None
 
-    def _drive_motion(self, motion_file: MotionFile, limits: Limits, rate: float) -> None:
+    def _drive_motion(self, order: DriveOrder) -> None:
         """Drive a motion in the main thread, unless a stop has come since it was accepted."""
         try:
             with self._lock:
                 if not self._is_taken:
                     return
-                request = self._session.request()
-            self._robot_control.run(motion_file.motion, limits, request, rate)
+                request = self._commander.request()
+            self._robot_control.drive(order, request)
         except ControlError as error:
             self._on_failure(error)
         finally:
             with self._lock:
                 self._is_running_motion = False
-                self._session.speed_factor.set(REMOTE, 1.0)
+                self._robot.speed_factor.set(REMOTE, 1.0)
 
     def _on_failure(self, error: ControlError) -> None:
         """
@@ -252,7 +255,7 @@ class RemoteControl(RemoteCommands):
         if (number := self._take) is not None:
             self._take = None
             self._writer.write(protocol.Answer(number, False, str(error)))
-        if self._session.is_stopped_permanently:
+        if self._commander.is_stopped_permanently:
             raise error
 
     def _cancel(self) -> None:
@@ -264,7 +267,7 @@ class RemoteControl(RemoteCommands):
     def _end(self) -> None:
         """Stop the robot if it is taken, and end the main thread."""
         try:
-            self._session.stop('the end of remote control')
+            self._commander.stop('the end of remote control')
         except ControlError as error:
             self._reason = str(error)
         self._jobs.put(None)
@@ -279,7 +282,7 @@ class RemoteControl(RemoteCommands):
             hand.stop()
         elif self._is_running_motion:
             self._pause()
-            wait_until(lambda: self._session.robot_drive.is_at_rest, REMOTE_REST_TIMEOUT)
+            wait_until(lambda: self._robot.drive.is_at_rest, REMOTE_REST_TIMEOUT)
         self._cancel()
         self._end()
 
@@ -293,7 +296,7 @@ class RemoteControl(RemoteCommands):
 
     def _state(self, progress: RunProgress) -> protocol.State:
         return state_of(
-            self._session, progress, self._writer.velocity, self._is_taken,
+            self._robot, progress, self._writer.velocity, self._is_taken,
             is_by_hand=self._hand is not None, reason=self._reason)
 
     def _answer_failure(self, number: int, execute: Callable[[], None]) -> None:

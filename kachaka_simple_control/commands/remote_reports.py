@@ -33,7 +33,7 @@ from kachaka_simple_control.control.speed_factor import product
 from kachaka_simple_control.control.timing import REMOTE_WRITE_TIMEOUT
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
 from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
-from kachaka_simple_control.ros.session import Session
+from kachaka_simple_control.ros.robot import Robot
 
 
 class ReportWriter:
@@ -118,7 +118,7 @@ class ReportWriter:
 
 
 def state_of(
-        session: Session, progress: RunProgress, velocity: Velocity, is_taken: bool,
+        robot: Robot, progress: RunProgress, velocity: Velocity, is_taken: bool,
         is_by_hand: bool, reason: str | None) -> protocol.State:
     """
     Return the state of the drive for a report.
@@ -134,19 +134,19 @@ def state_of(
         speed = product(factors)
         remaining = (plan.duration - progress.plan_time) / speed if speed else None
     now = time.monotonic()
-    age = session.odometry.age(now)
+    age = robot.odometry.age(now)
     return protocol.State(
         state=(_state_name(progress, velocity, is_by_hand) if is_taken else
-               'stopping' if session.is_stopping else
+               'stopping' if robot.stopper.is_stopping else
                'standing by' if reason is None else 'stopped'),
         motion=progress.title if plan is not None else None,
         step=number or None, steps=count or None, progress=_rounded(done, 3),
         remaining=_rounded(remaining, 1), factors=factors,
         start=None if plan is None else _pose(progress.start),
         planned=_pose(progress.planned_pose),
-        driven=_pose(session.pose), velocity=(velocity.linear_x, velocity.angular_z),
+        driven=_pose(robot.pose), velocity=(velocity.linear_x, velocity.angular_z),
         odometry_age=_rounded(age, 1), reason=reason,
-        is_still=session.odometry.is_still(now))
+        is_still=robot.odometry.is_still(now))
 
 
 def _state_name(

@@ -31,7 +31,7 @@ from kachaka_simple_control.text import escaped, quoted
 if TYPE_CHECKING:
     from kachaka_simple_control.commands.cli import Options
     from kachaka_simple_control.files.motion_file import MotionFile
-    from kachaka_simple_control.motion.limits import Limits
+    from kachaka_simple_control.motion.drive_order import DriveOrder
 
 #: The settings that an option, a ROS parameter (``-p``) or a motion's file can set.
 NAMES = ('robot', 'rate', 'closed_loop', 'corners')
@@ -52,15 +52,6 @@ class Settings:
     profile: RobotProfile
     closed_loop: bool = False
     corners: float = 0.0
-
-    def limits_of(self, motion_file: MotionFile) -> Limits:
-        """
-        Return the limits for a motion: those in its file, and the robot's for the rest.
-
-        :raises MotionFileError: if the robot cannot drive it, in a closed loop with a share for
-            corrections; a line for each problem
-        """
-        return motion_file.check(self.profile.planning_limits, self.profile.name, self.closed_loop)
 
 
 def choose_settings(options: Options, motion_file: MotionFile | None) -> Settings:
@@ -104,12 +95,20 @@ def _find_profile(robot: str, motion_file: MotionFile | None) -> RobotProfile:
         raise motion_file.error_at('robot', str(error)) from None
 
 
-def with_corners(options: Options, motion_file: MotionFile, corners: float) -> MotionFile:
-    """Return a motion's file with the chosen tolerance [m] in its motion, for all later code."""
-    motion = replace(motion_file.motion, corners=corners)
+def order_of(
+        options: Options, motion_file: MotionFile, used: Settings | NodeParameters,
+        profile: RobotProfile) -> DriveOrder:
+    """
+    Return what to drive: a motion, and what options, ROS parameters and its file say of it.
+
+    :param used: the settings that were chosen; with a node, those of its ROS parameters
+    :raises MotionFileError: if the robot cannot drive it, in a closed loop with a share for
+        corrections; a line for each problem
+    """
+    motion = replace(motion_file.motion, corners=used.corners)
     if _given(options).get('corners') == 0.0:
         motion = motion.with_stops()
-    return replace(motion_file, motion=motion)
+    return replace(motion_file, motion=motion).order(profile, used.rate, used.closed_loop)
 
 
 def describe_overrides(

@@ -39,7 +39,6 @@ from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.files.document import FileError, is_path
 from kachaka_simple_control.files.motion_file import loads, MotionFile
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
-from kachaka_simple_control.motion.drive_order import DriveOrder
 
 #: A worker that takes longer is ended [s].
 PATIENCE = 10.0
@@ -61,10 +60,9 @@ def preview(number: int, text: str, robot: str | None = None, name: str = 'motio
     try:
         file = loads(text, name)
         profile = _profile(file, robot)
-        limits = file.check(profile.planning_limits, profile.name)
-        order = DriveOrder.of(
-            file.motion, profile.planning_limits, file.rate or DEFAULT_RATE, limits)
-        view = PlanView(file.motion.name, profile.name, order.plan(), limits, profile.footprint)
+        order = file.order(profile, file.rate or DEFAULT_RATE, closed_loop=False)
+        view = PlanView(
+            file.motion.name, profile.name, order.plan, order.limits, profile.footprint)
     except FileError as error:
         problems = error.problems[:MAX_ERRORS]
         return Preview(number, tuple(LineError(part.line, str(part)) for part in problems), None)

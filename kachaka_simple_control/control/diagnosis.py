@@ -14,7 +14,7 @@
 """
 The diagnosis of one component: the contents of ``diagnostic_msgs``, without ROS.
 
-Tested by test/ros/test_session_status.py.
+Tested by test/ros/test_robot_status.py.
 """
 
 from __future__ import annotations

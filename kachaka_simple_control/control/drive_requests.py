@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 import threading
 import time
@@ -32,32 +32,40 @@ from kachaka_simple_control.errors import ControlError, MotionRefusedError, Moti
 @dataclass
 class DriveRequest:
     """
-    An accepted request to drive the robot, and what has happened since.
+    An accepted request to drive robots, and what has happened since.
 
-    :param run: a stop cancels it, even before the drive has begun
+    :param runs: by the gate of each robot; a stop cancels them, even before the drive has begun
     :param ended: when the drive was complete [s]; None before, or if it ended early
     :param stopped_by: the error that says how another thread has stopped the robot since; or None
     :param period: the time between two velocities of this drive [s]; 0 until its plan is known
+    :param is_over: whether the drive has ended, at its planned end or early
     """
 
-    run: Run
+    runs: Mapping[VelocityGate, Run]
     thread: int = field(default_factory=threading.get_ident)
     ended: float | None = None
     stopped_by: ControlError | None = None
     period: float = 0.0
+    is_over: bool = False
+
+    @property
+    def cancelled_by(self) -> ControlError | None:
+        """Why the drive of a robot was ended; None if none was."""
+        return next((run.ended_by for run in self.runs.values() if run.ended_by), None)
 
 
 class DriveRequests:
     """
-    Accepts or refuses requests to drive: one drive at a time.
+    Accepts or refuses requests to drive the robots of some gates: one drive at a time.
 
     A stop by another thread also ends a series: drives that one thread requests, each within one
     period after the one before was complete.
     """
 
     def __init__(
-            self, gate: VelocityGate, clock: Callable[[], float] = time.monotonic) -> None:
-        self._gate = gate
+            self, gates: Iterable[VelocityGate],
+            clock: Callable[[], float] = time.monotonic) -> None:
+        self._gates = tuple(gates)
         self._clock = clock
         self._busy = threading.Lock()
         self._newest: DriveRequest | None = None
@@ -76,7 +84,7 @@ class DriveRequests:
         """
         if not self._busy.acquire(blocking=False):
             raise MotionRunningError('a motion is running already; wait for its end, or stop it')
-        request = DriveRequest(self._gate.prepare())
+        request = DriveRequest({gate: gate.prepare() for gate in self._gates})
         previous, self._newest = self._newest, request
         # The order matters.  A stop at this moment finds either the new run or the previous
         # request.  So check the previous request only after the run was prepared.
@@ -88,7 +96,7 @@ class DriveRequests:
 
     def finish(self, request: DriveRequest, is_complete: bool) -> None:
         """Record that a drive has ended, at its planned end or early."""
-        request.ended = self._clock() if is_complete else None
+        request.ended, request.is_over = self._clock() if is_complete else None, True
         self._busy.release()
 
     def on_stop(self, reason: ControlError) -> None:

@@ -24,11 +24,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 
 from kachaka_simple_control.control.speed_factor import product
 from kachaka_simple_control.motion.geometry import Footprint, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Motion
+
+#: No other Python code of this process runs while the steps of a plan are made to bytes: 10 ms.
+MAX_CARRIED_STEPS = 1000
 
 
 @dataclass(frozen=True)
@@ -69,13 +74,25 @@ class MotionPlanned:
     """
     A motion was planned; the program may have no control of the robot yet.
 
-    A subscriber that needs the plan computes it: it depends on motion, limits and rate alone.
+    :param carried: the plan; None in another process if it has more than MAX_CARRIED_STEPS steps
     """
 
     motion: Motion
     limits: Limits
     rate: float
     time: float | None = None
+    carried: Plan | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """Return the plan, which depends on motion, limits and rate alone."""
+        return self.carried or plan(self.motion, self.limits, self.rate)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what another process gets."""
+        is_long = self.carried is not None and len(self.carried.steps) > MAX_CARRIED_STEPS
+        return {name: None if is_long and name == 'carried' else value
+                for name, value in vars(self).items() if name != 'plan'}
 
 
 @dataclass(frozen=True)

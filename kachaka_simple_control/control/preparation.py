@@ -15,10 +15,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 import time
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 from kachaka_simple_control.control.timing import POLL_PERIOD
 
@@ -31,10 +31,12 @@ class Wait:
     What steps wait for.
 
     :param until: they want to go on then at the latest [s]
+    :param is_polled: whether what they wait for may come earlier
     """
 
     what: str
     until: float
+    is_polled: bool = True
 
 
 #: Steps that yield what they wait for; whoever goes on with them sets the time of their moment.
@@ -58,16 +60,33 @@ def until(
     return True
 
 
-class Preparation(Moment):
-    """Steps under way: ``advance`` goes on with them, and does not block."""
+def pause(moment: Moment, duration: float, what: str) -> Steps[None]:
+    """Wait for a time [s]."""
+    end = moment.now + duration
+    while moment.now < end:
+        yield Wait(what, end, is_polled=False)
 
-    def __init__(self, steps: Callable[[Moment], Steps[None]]) -> None:
+
+class Preparation(Moment, Generic[ResultT]):
+    """
+    Steps under way: ``advance`` goes on with them, and does not block.
+
+    :ivar result: what they have returned; None before their end
+    """
+
+    def __init__(self, steps: Callable[[Moment], Steps[ResultT]]) -> None:
         self._steps = steps(self)
+        self.result: ResultT | None = None
 
     def advance(self, now: float) -> Wait | None:
         """Go on; return what the steps wait for now, None at their end; raise what they raise."""
         self.now = now
-        return next(self._steps, None)
+        try:
+            return next(self._steps)
+        except StopIteration as end:
+            if end.value is not None:
+                self.result = end.value
+            return None
 
     def close(self) -> None:
         """End the steps; what they have begun is taken back."""
@@ -75,18 +94,27 @@ class Preparation(Moment):
 
 
 def complete(
-        steps: Callable[[Moment], Steps[None]], check: Callable[[], None],
+        many: Sequence[Callable[[Moment], Steps[ResultT]]],
+        check: Callable[[], None] = lambda: None,
         clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep) -> None:
+        sleep: Callable[[float], None] = time.sleep) -> list[ResultT | None]:
     """
-    Go on with steps until their end, in the calling thread.
+    Go on with the steps of each until all have ended, in the calling thread; return their results.
+
+    An error of one ends them all.
 
     :param check: called while they wait; an error that it raises ends them
     """
-    preparation = Preparation(steps)
+    under_way = every = [Preparation(steps) for steps in many]
     try:
-        while (wait := preparation.advance(clock())) is not None:
-            sleep(min(POLL_PERIOD, max(0.0, wait.until - clock())))
+        while waits := [(one, wait) for one in under_way
+                        if (wait := one.advance(clock())) is not None]:
+            under_way = [one for one, _ in waits]
+            now = clock()
+            sleep(min(max(0.0, wait.until - now) if not wait.is_polled else
+                      min(POLL_PERIOD, max(0.0, wait.until - now)) for _, wait in waits))
             check()
     finally:
-        preparation.close()
+        for one in under_way:
+            one.close()
+    return [one.result for one in every]

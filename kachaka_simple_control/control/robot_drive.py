@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import partial
 import math
 
 from kachaka_simple_control.control.events import MotionStarted, VelocityKind
@@ -180,7 +181,7 @@ class RobotDrive:
         # Above 80 Hz not each velocity needs a check: it takes as long as a third of a velocity.
         if now - self._checked >= CHECK_PERIOD / 2.0:
             self._checked = now
-            gate.wait_for_dds(self.monitor.check)
+            gate.wait_for_dds(partial(self.monitor.check, now))
         if now < run.began + self._due and not self._has_source_changed:
             return min(run.began + self._due, self._checked + CHECK_PERIOD)
         # Clear the flag before the call of the source: a change during the call then counts for
@@ -202,8 +203,9 @@ class RobotDrive:
             way, since = self._way
             self._way = integrate(way, self._tick.velocity, tick.start - since), tick.start
         self._tick, self._due = tick, tick.start
-        self._count(gate.send(run, velocity, kind, tick.start, tick.plan_time, source.skipped))
-        self.monitor.on_sent(tick.rest if velocity.is_zero else 0.0)
+        sent = gate.send(run, velocity, kind, tick.start, tick.plan_time, source.skipped)
+        self._count(sent)
+        self.monitor.on_sent(sent, tick.rest if velocity.is_zero else 0.0)
         self._due = tick.deadline
         return min(run.began + tick.deadline, self._checked + CHECK_PERIOD)
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import math
-import time
 from typing import Protocol
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
@@ -193,8 +192,6 @@ class RunMonitor:
         self._odometry_timeout = timeouts.odometry_timeout
         self._pause_timeout = timeouts.pause_timeout
         self._speed_factor = speed_factor
-        #: the steady clock [s]
-        self.clock: Callable[[], float] = lambda: time.monotonic()  # noqa: PLW0108
         self._feedback: PoseFeedback | None = None
         self._has_plan = True
         #: since when a speed factor of 0 has held the robot at rest [s]; None if it is not held
@@ -234,7 +231,7 @@ class RunMonitor:
         """
         return tick.velocity if self._feedback is None else self._feedback.correct(tick, now)
 
-    def on_sent(self, rest: float) -> None:
+    def on_sent(self, now: float, rest: float) -> None:
         """
         Record how long the robot stays at rest; call this after each velocity.
 
@@ -244,12 +241,13 @@ class RunMonitor:
         if not is_held:
             self._held_since, self._is_released = None, False
         elif self._held_since is None:
-            self._held_since = self.clock()
+            self._held_since = now
         self.pause_pose.on_sent(is_held)
-        self._rest_end = self.clock() + rest if rest else float('-inf')
+        self._rest_end = now + rest if rest else float('-inf')
 
     def begin(
-            self, feedback: PoseFeedback | None, period: float, has_plan: bool = True) -> None:
+            self, now: float, feedback: PoseFeedback | None, period: float,
+            has_plan: bool = True) -> None:
         """
         Prepare the monitor for a new run.
 
@@ -261,13 +259,13 @@ class RunMonitor:
         self._feedback, self._has_plan = feedback, has_plan
         if self._lease is not None:
             self._lease.begin(period)
-        self._checked = self.clock()
+        self._checked = now
         self._held_since, self._is_released = None, False
         self._rest_end = float('-inf')
         self._speed_factor.set(MOVED, 1.0)
         self.pause_pose.on_sent(is_paused=False)
 
-    def check_resume(self) -> None:
+    def check_resume(self, now: float) -> None:
         """
         Check, as before a drive, that a paused drive may continue.
 
@@ -278,16 +276,15 @@ class RunMonitor:
         self._robot.check_subscribed()
         self._robot.check_identity()
         self._robot.check_exclusive()
-        if self.has_lost_robot(self.clock()):
+        if self.has_lost_robot(now):
             raise RunFaultError('odometry is silent: the robot or the link to it is lost')
 
-    def check(self) -> None:
+    def check(self, now: float) -> None:
         """
         Send a heartbeat, check for faults, renew manual control, and end a hold that is over.
 
         :raises RunFaultError: if the drive must end
         """
-        now = self.clock()
         self._guardian.heartbeat()
         held_up, self._checked = now - self._checked, now
         if self._lease is not None:
@@ -318,9 +315,9 @@ class RunMonitor:
             self._check_graph(now)
         if self._held_since is not None and not (
                 self._is_released or self._speed_factor.is_hold):
-            self._release()
+            self._release(now)
 
-    def _release(self) -> None:
+    def _release(self, now: float) -> None:
         """
         Allow the robot to move again after a hold, unless somebody has moved it meanwhile.
 
@@ -330,7 +327,7 @@ class RunMonitor:
         """
         # This takes time.  So the thread that drives the robot calls it, without a lock, and the
         # thread that ends the pause does not wait.
-        self.check_resume()
+        self.check_resume(now)
         try:
             self.pause_pose.require_not_moved()
         except RobotMovedError as error:

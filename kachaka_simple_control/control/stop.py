@@ -21,25 +21,31 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+import math
 import threading
 import time
 
 from kachaka_simple_control.control.events import Event, StopBegan, StopConfirmed
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
+from kachaka_simple_control.control.preparation import (
+    complete,
+    Moment,
+    pause,
+    Preparation,
+    Steps,
+    Wait,
+)
 from kachaka_simple_control.control.timing import (
     STOP_BURST_COUNT,
     STOP_MARGIN,
     STOP_REPEAT_PERIOD,
 )
 from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
-from kachaka_simple_control.errors import ControlError, RunFaultError
+from kachaka_simple_control.errors import ControlError
 
 
-def send_stop(
-        send_zero: Callable[[], bool],
-        command_timeout: float,
-        clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep) -> bool:
+def stop_steps(
+        moment: Moment, send_zero: Callable[[], bool], command_timeout: float) -> Steps[bool]:
     """
     Send zero velocities for the robot's command timeout plus STOP_MARGIN.
 
@@ -49,12 +55,12 @@ def send_stop(
     :param send_zero: publishes one; False ends the stop early
     :returns: whether all were sent
     """
-    end = clock() + command_timeout + STOP_MARGIN
+    end = moment.now + command_timeout + STOP_MARGIN
     for _ in range(STOP_BURST_COUNT):
         if not send_zero():
             return False
-    while clock() < end:
-        sleep(STOP_REPEAT_PERIOD)
+    while moment.now < end:
+        yield from pause(moment, STOP_REPEAT_PERIOD, 'its command timeout')
         if not send_zero():
             return False
     return True
@@ -88,9 +94,10 @@ class StopController:
         self._sleep = sleep
         self._lock = threading.Lock()
         self._stopped: Run | None = None
-        self._later: threading.Timer | None = None
         #: when the newest stop began [s on the clock]; None before the first
         self.stop_started: float | None = None
+        #: called with why a late stop has failed
+        self.on_failure: Callable[[str], object] = lambda _: None
         #: called at the end of each complete stop
         self.on_stopped: Callable[[], None] = lambda: None
 
@@ -105,6 +112,14 @@ class StopController:
         return self._lock.locked()
 
     def stop(self, reason: ControlError | None, only: Run | None = None) -> str | None:
+        """Go through the ``steps`` in the calling thread."""
+        return complete(
+            [partial(self.steps, reason=reason, only=only)], lambda: None, self._clock,
+            self._sleep)[0]
+
+    def steps(
+            self, moment: Moment, reason: ControlError | None,
+            only: Run | None = None) -> Steps[str | None]:
         """
         Stop the newest run, and wait until all zero velocities of the stop were sent.
 
@@ -119,16 +134,18 @@ class StopController:
             run = self._gate.cancel(reason)
         elif self._gate.run is not only:
             return None
-        with self._lock:
+        while not self._lock.acquire(blocking=False):
+            yield Wait('the stop that another thread sends', math.inf)
+        try:
             if self._stopped is run:
                 return None
-            self.stop_started = self._clock()
+            self.stop_started = moment.now
             self._publish(StopBegan(self.stop_started))
-            send_zero = partial(self._send_zero, run)
             try:
-                if not send_stop(send_zero, self._command_timeout, self._clock, self._sleep):
+                if not (yield from stop_steps(
+                        moment, partial(self._send_zero, run), self._command_timeout)):
                     return None
-                is_still = self._repeat_until_still(run)
+                is_still = yield from self._repeat_until_still(moment, run)
             except Exception as error:  # the context is gone: nothing can be published
                 return f'the stop could not be sent: {error}'
             self._stopped = run
@@ -136,29 +153,9 @@ class StopController:
             if is_still:
                 self._publish(StopConfirmed(self._clock()))
             self.on_stopped()
+        finally:
+            self._lock.release()
         return None
-
-    def stop_after_idle(self, run: Run, within: float) -> None:
-        """
-        Stop the robot in the background after a run, unless another begins in time.
-
-        :param within: how long to wait for another run before the stop is sent [s]
-        """
-        self._later = threading.Timer(within, self._stop_ended, (run,))
-        self._later.daemon = True
-        try:
-            self._later.start()
-        except RuntimeError:  # from Python 3.12 on, no thread can start when the program ends
-            self._stop_ended(run)
-
-    def cancel_pending(self) -> None:
-        """Cancel the stop that ``stop_after_idle`` has scheduled, because another drive begins."""
-        if self._later is not None:
-            self._later.cancel()
-
-    def _stop_ended(self, run: Run) -> None:
-        if (failure := self.stop(None, only=run)) is not None:
-            raise RunFaultError(failure)
 
     def _send_zero(self, run: Run | None) -> bool:
         # Report before the zero: if this process hangs before its last zero, the guardian must not
@@ -166,15 +163,77 @@ class StopController:
         self._guardian.report_stopping()
         return self._gate.send_zero(run)
 
-    def _repeat_until_still(self, run: Run | None) -> bool:
+    def _repeat_until_still(self, moment: Moment, run: Run | None) -> Steps[bool]:
         """
         Send more zeros until odometry shows no motion: the link may have lost the others.
 
         :returns: False if the time has passed, or if a newer run has begun
         """
-        began = self._clock()
+        began = moment.now
         while (more_time := self._more_time()) > 0.0:
-            if self._clock() >= began + more_time or not self._send_zero(run):
+            if moment.now >= began + more_time or not self._send_zero(run):
                 return False
-            self._sleep(STOP_REPEAT_PERIOD)
+            yield from pause(moment, STOP_REPEAT_PERIOD, 'its rest')
         return True
+
+
+class LateStops:
+    """
+    Stops robots after drives that no other drive has followed, in one thread for all of them.
+
+    :param clock: and the timeout of ``threading.Condition.wait`` are on the same clock [s]
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._due: dict[StopController, tuple[float, Run]] = {}
+        self._changed = threading.Condition()
+        self._is_closed = False
+        # Started here: from Python 3.12 on, no thread can start when the program ends.
+        self._thread = threading.Thread(target=self._run, name='late stops', daemon=True)
+        self._thread.start()
+
+    def schedule(self, controller: StopController, run: Run, within: float) -> None:
+        """Stop a robot after a time [s], unless ``cancel`` is called, or another run begins."""
+        with self._changed:
+            self._due[controller] = self._clock() + within, run
+            self._changed.notify()
+
+    def cancel(self, controller: StopController) -> None:
+        """Do not send the stop that is scheduled for a robot, because another drive begins."""
+        with self._changed:
+            self._due.pop(controller, None)
+
+    def close(self) -> None:
+        """End the thread; wait for it, but not in the thread itself."""
+        with self._changed:
+            self._is_closed = True
+            self._changed.notify()
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+
+    def _run(self) -> None:
+        under_way: list[tuple[StopController, Preparation[str | None]]] = []
+        while True:
+            with self._changed:
+                now = self._clock()
+                while not (self._is_closed or under_way) and now < (
+                        first := min((at for at, _ in self._due.values()), default=math.inf)):
+                    self._changed.wait(None if first == math.inf else first - now)
+                    now = self._clock()
+                if self._is_closed:
+                    break
+                for controller in [one for one, (at, _) in self._due.items() if at <= now]:
+                    _, run = self._due.pop(controller)
+                    under_way.append((controller, Preparation(partial(
+                        controller.steps, reason=None, only=run))))
+            waits = [(pair, wait) for pair in under_way
+                     if (wait := pair[1].advance(self._clock())) is not None]
+            for controller, stop in under_way:
+                if stop.result is not None:
+                    controller.on_failure(stop.result)
+            under_way = [pair for pair, _ in waits]
+            if waits:
+                time.sleep(STOP_REPEAT_PERIOD / 2.0)
+        for _, stop in under_way:
+            stop.close()

@@ -26,8 +26,8 @@ from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.motion.geometry import Displacement, Velocity
 from kachaka_simple_control.motion.plan import Plan, plan
 
-#: The rate of the plan that the display computes for a motion without corners [Hz].  A low rate is
-#: enough, because the times of its steps do not depend on it.
+#: The rate of the plan that the display computes for a long motion without corners [Hz].  A low
+#: rate is enough, because the times of its steps do not depend on it.
 PLAN_RATE = 0.001
 #: The longest time between two zero velocities of a stop [s].
 MAX_ZERO_PERIOD = 0.1
@@ -272,8 +272,8 @@ class DriveTracker:
         self._planned, self._started, self._ended = event, None, None
         self._stop_time = None
         # Corners are made of messages, so their times depend on the rate.
-        rate = event.rate if event.motion.corners else PLAN_RATE
-        self._plan = plan(event.motion, event.limits, rate)
+        self._plan = event.plan if event.carried or event.motion.corners else plan(
+            event.motion, event.limits, PLAN_RATE)
         self._reset_odometers()
         self._motion_count += 1
 

@@ -39,7 +39,9 @@ from kachaka_simple_control.files.document import (
     Schema,
     UnreadableFileError,
 )
+from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.files.yaml_document import read_document, read_text
+from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.plan import find_errors, MAX_STEPS
 from kachaka_simple_control.motion.step_base import (
@@ -130,6 +132,15 @@ class MotionFile:
         if errors:
             raise MotionFileError(self.source, map(self._problem, errors))
         return tightened
+
+    def order(self, robot: RobotProfile, rate: float, closed_loop: bool) -> DriveOrder:
+        """
+        Return how a robot drives the motion.
+
+        :raises MotionFileError: as ``check``
+        """
+        limits = self.check(robot.planning_limits, robot.name, closed_loop)
+        return DriveOrder.of(self.motion, robot.planning_limits, rate, limits, closed_loop)
 
     def error_at(self, path: str, message: str) -> MotionFileError:
         """Return an error about one value of the file, with the line number of the value."""

@@ -148,7 +148,7 @@ class BridgeNode(Node):
         executor = SingleThreadedExecutor(context=self.context)
         executor.add_node(self)
         try:
-            complete(self._claim.take, lambda: executor.spin_once(timeout_sec=0.0))
+            complete([self._claim.take], lambda: executor.spin_once(timeout_sec=0.0))
             self._claim.hold()
         finally:
             executor.remove_node(self)

@@ -14,12 +14,13 @@
 """
 What is to be driven: a motion with the limits and the rate of its plan.
 
-Tested by test/ros/test_session.py.
+Tested by test/ros/test_robot.py.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
@@ -59,9 +60,10 @@ class DriveOrder:
         return cls(motion.settled(), limits.scaled(CLOSED_LOOP_SHARE), rate,
                    robot.scaled(CLOSED_LOOP_SHARE), limits.tightened(robot))
 
+    @cached_property
     def plan(self) -> Plan:
         """
-        Return the plan of the motion.
+        Return the plan of the motion, computed once.
 
         :raises InvalidMotionError: if the motion is invalid, or the robot cannot drive it
         """

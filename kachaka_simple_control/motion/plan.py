@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from array import array
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -105,6 +106,14 @@ class Plan:
     steps: tuple[PlannedStep, ...] = ()
     saved_time: float = 0.0
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Return what another process gets: numbers, in place of 180 000 segments an hour."""
+        numbers = array('d')
+        for segment in self.segments:
+            velocity = segment.velocity
+            numbers.extend((segment.end, velocity.linear_x, velocity.angular_z))
+        return _restored, (numbers, self.period, self.steps, self.saved_time)
+
     @property
     def duration(self) -> float:
         """Return the duration of the plan [s]."""
@@ -140,6 +149,19 @@ class Plan:
     def step_index(self, elapsed: float) -> int:
         """Return the index of the step that the robot drives at a given time of the plan."""
         return max(0, bisect_right(self.steps, elapsed, key=attrgetter('start')) - 1)
+
+
+def _restored(
+        numbers: array[float], period: float, steps: tuple[PlannedStep, ...],
+        saved_time: float) -> Plan:
+    segments: list[Segment] = []
+    start, velocity = 0.0, Velocity()
+    for end, *now in zip(numbers[::3], numbers[1::3], numbers[2::3]):
+        if now != [velocity.linear_x, velocity.angular_z]:
+            velocity = Velocity(*now)
+        segments.append(Segment(start, end, velocity))
+        start = end
+    return Plan(tuple(segments), period, steps, saved_time)
 
 
 def find_errors(motion: Motion, limits: Limits) -> list[InvalidMotionError]:

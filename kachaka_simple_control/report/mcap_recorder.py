@@ -37,7 +37,6 @@ from kachaka_simple_control.control.events import (
     VelocitySent,
 )
 from kachaka_simple_control.motion.geometry import ORIGIN
-from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.output_file import CrashSafeFile, NEEDS_MCAP
 from kachaka_simple_control.telemetry import cdr
 
@@ -309,7 +308,7 @@ class McapRecorder:
             case MotionStarted() if event.has_plan:
                 motion, time = self._motion, self._stamp(event.time)
                 assert motion is not None
-                poses = sample_path(plan(motion.motion, motion.limits, motion.rate), self._pose)
+                poses = sample_path(motion.plan, self._pose)
                 self._add('path', time, self._paths.path(
                     [self._paths.pose(pose) for pose in poses], time))
 

@@ -11,38 +11,38 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Accept or refuse requests to start, stop, pause, resume or slow down the motion of a robot."""
+"""
+The door to the robots of a node: drive, stop, pause, resume and slow down.
+
+Tested by test/ros/test_commander.py.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+import contextlib
 import threading
-from typing import Any
+import time
 
+from kachaka_simple_control import errors
 from kachaka_simple_control.control.drive_requests import (
     DriveRequest,
+    DriveRequests,
     ResumeConfirmation,
-    StopRequests,
 )
+from kachaka_simple_control.control.events import MotionPlanned
 from kachaka_simple_control.control.robot_drive import RunProgress
-from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR, MOVED, OVERRIDE, PAUSE
+from kachaka_simple_control.control.speed_factor import MOVED, OVERRIDE, PAUSE
+from kachaka_simple_control.control.tick_scheduler import TickScheduler, VelocitySource
 from kachaka_simple_control.control.timing import RESUME_CONFIRM_TIMEOUT, RESUME_QUIET_TIME
-from kachaka_simple_control.errors import (
-    ControlError,
-    ENDED,
-    MotionRefusedError,
-    MotionStoppedError,
-    RobotMovedError,
-)
-from kachaka_simple_control.ros.endpoints import SERVICE_QOS
-from kachaka_simple_control.ros.session import Session
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from kachaka_simple_control.motion.drive_order import DriveOrder
+from kachaka_simple_control.motion.plan import Plan
+from kachaka_simple_control.ros.drive import Drive, RobotTask
+from kachaka_simple_control.ros.hub import Hub
+from kachaka_simple_control.ros.robot import Robot
+from kachaka_simple_control.text import escaped
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.task import Future
-from std_srvs.srv import Trigger
 
 #: The writable parameter: the speed factor that the user sets.
 PARAMETER = 'speed_factor'
@@ -50,53 +50,89 @@ PARAMETER = 'speed_factor'
 
 class Commander:
     """
-    Starts, stops, pauses, resumes and slows down the motion of a robot when a user requests it.
+    Drives the robot of a node, and stops, pauses, resumes and slows it down.
 
-    Services, keys and Python code call the methods, from any thread.  A refused request raises an
-    error; the text that most methods return tells the user what was done.
-
-    :param factor: the initial value of the ROS parameter ``speed_factor``
+    Python code, services, keys, pipe and console call the methods, from any thread.  A refused
+    request raises an error; the text that most methods return tells the user what was done.
     """
 
-    def __init__(self, node: Node, session: Session, factor: float) -> None:
-        self._node = node
-        self._session = session
-        self._factor = session.speed_factor
-        self._initial_factor = factor
-        #: how often somebody has paused or set the speed
-        self._changes = 0
+    def __init__(self, hub: Hub, robot: Robot) -> None:
+        self._hub, self._robot = hub, robot
+        self._logger = hub.node.get_logger()
+        hub.on_error = self._on_callback_error
+        self._requests = DriveRequests([robot.gate])
+        self._factor = robot.speed_factor
+        #: how often somebody has paused or set the speed so far
+        self.changes = 0
         # Reentrant: to set the parameter calls back in the same thread.
         self._changing = threading.RLock()
         self._confirmation = ResumeConfirmation()
-        #: the stop requests; a start or resume request at the same time is refused
-        self.stop_requests = StopRequests()
-        self._factor.set(OVERRIDE, factor)
-        node.add_on_set_parameters_callback(self._check_parameters)
-        # Humble has no callback that runs after all parameters are accepted.
-        if hasattr(node, 'add_post_set_parameters_callback'):
-            node.add_post_set_parameters_callback(self._apply_parameters)
-        for name, function in (('~/pause', self.pause), ('~/resume', self.request_resume)):
-            self.serve(name, function)
-        # A separate callback group: this callback waits for the stop, and other callbacks go on.
-        node.create_service(
-            Trigger, '~/stop', self._on_stop, qos_profile=SERVICE_QOS,
-            callback_group=MutuallyExclusiveCallbackGroup())
-        self._wake = node.create_guard_condition(lambda: None)
+        self._closing = threading.Lock()
+        self._is_closed = False
 
     @property
     def state(self) -> RunProgress:
         """Return the progress of the newest motion: how far it has come and whether it is over."""
-        return self._session.robot_drive.progress
+        return self._robot.drive.progress
 
-    def serve(self, name: str, function: Callable[[], str]) -> str:
-        """
-        Create a ``std_srvs/Trigger`` service that calls a function; return its full name.
+    @property
+    def is_driving(self) -> bool:
+        """Whether a drive was requested and is not over; it may still wait for the robot."""
+        return self._requests.is_busy
 
-        :param function: returns the text for the response, or raises a ControlError to refuse
+    @property
+    def is_stopped_permanently(self) -> bool:
+        """Whether a signal or the guardian has stopped the robot, so that no motion may start."""
+        return (self._hub.stopped_by is not None
+                or self._robot.guardian.stopped_because is not None)
+
+    def request(self, elsewhere: bool = False) -> DriveRequest:
         """
-        service = self._node.create_service(
-            Trigger, name, _service(function), qos_profile=SERVICE_QOS)
-        return str(self._node.resolve_service_name(service.srv_name))
+        Request a drive, so that a stop ends it even before ``drive`` runs.
+
+        :param elsewhere: whether another thread will call ``drive``
+        :raises ControlError: if another drive is under way, no motion may start any more, or the
+            calling thread is the only one for callbacks of the node, and so cannot drive
+        """
+        if (reason := self._hub.stopped_by) is not None:
+            raise type(reason)(f'{reason}: only a new node moves the robot again') from None
+        self._robot.require_not_stopped()
+        if not elsewhere and self._hub.executor.is_executor_thread():
+            raise errors.MotionRefusedError(
+                'a motion cannot run in a callback of its own node: it would wait for callbacks '
+                'that wait for it. Start it in a thread, or from the main program, or let a '
+                'MultiThreadedExecutor run the node')
+        self._robot.request = request = self._requests.accept()
+        return request
+
+    def drive(self, order: DriveOrder, request: DriveRequest | None = None) -> Plan:
+        """
+        Plan a motion, drive the robot through it, and leave the robot at rest; return the plan.
+
+        :raises InvalidMotionError: if the robot cannot do the motion; the robot has not moved then
+        :raises ControlError: if there is no control of the robot, or the drive ended early
+        """
+        with self._accepted(request) as accepted:
+            plan = order.plan
+            self._robot.drive.request(order.motion.name, plan)
+            self._hub.publish(MotionPlanned(
+                order.motion, order.limits, order.rate, time.monotonic(), plan))
+            self._run(accepted, RobotTask(
+                self._robot, TickScheduler(plan), plan.period, order.corrected))
+        return plan
+
+    def drive_source(
+            self, title: str, source: VelocitySource, period: float,
+            request: DriveRequest | None = None) -> None:
+        """
+        Send the velocities of a source until it has no more, and leave the robot at rest.
+
+        :param period: the normal time between two velocities [s]
+        :raises ControlError: if there is no control of the robot, or the drive ended early
+        """
+        with self._accepted(request) as accepted:
+            self._robot.drive.request(title)
+            self._run(accepted, RobotTask(self._robot, source, period))
 
     def start(self, drive: Callable[[DriveRequest], object]) -> str:
         """
@@ -104,38 +140,58 @@ class Commander:
 
         :raises ControlError: if the robot may not drive now, for example because it does already
         """
-        request = self._session.request(elsewhere=True)
+        request = self.request(elsewhere=True)
 
         def run() -> None:
             try:
                 drive(request)
-            except MotionStoppedError as error:
-                self._node.get_logger().info(str(error))
-            except ControlError as error:
-                self._node.get_logger().error(str(error))
+            except errors.MotionStoppedError as error:
+                self._logger.info(str(error))
+            except errors.ControlError as error:
+                self._logger.error(str(error))
 
         # A drive in a callback would wait for other callbacks, which wait for this one.
         threading.Thread(target=run, name='drive', daemon=True).start()
         return 'started'
 
-    def request_start(self, drive: Callable[[DriveRequest], object]) -> str:
+    def stop(self, caller: str) -> str:
         """
-        Start to drive for a ROS client, unless a client has just requested a stop.
+        Stop the robot, and wait until the stop is complete; return a text for the user.
 
-        The node may process a request to start after the stop that followed it.
+        A drive ends with an error, even before the robot moves.  Nothing is sent to a robot of
+        which this node has no control, or that is stopped already.
 
-        :raises ControlError: if a stop was requested just before, or the robot may not drive now
-        """
-        self.stop_requests.require_none()
-        return self.start(drive)
-
-    def request_stop(self) -> str:
-        """
-        Stop the robot because a client has called the service ``~/stop``.
-
+        :param caller: who stops the robot, for the error that ends the drive
         :raises RunFaultError: if the stop could not be sent, or the robot still moves by odometry
         """
-        return self._session.stop('~/stop')
+        reason = errors.MotionStoppedError(f'the movement was ended by {caller}')
+        self._requests.on_stop(reason)
+        return self._robot.stop_for_user(reason)
+
+    def stop_permanently(self, reason: errors.ControlError) -> None:
+        """Stop the robot for good: each later motion raises the first reason given."""
+        self._hub.stop_permanently(reason)
+        self._robot.guardian.latch.trip()
+        self._robot.stop_or_log(reason)
+
+    def _on_callback_error(self, error: BaseException) -> None:
+        """Stop the robot for good after an error in a callback of the node."""
+        self.stop_permanently(errors.RunFaultError(
+            f'a callback failed: {type(error).__name__}: {escaped(error)}'))
+
+    def close(self) -> None:
+        """Stop and release the robot, and refuse later motions."""
+        with self._closing:
+            if not self._is_closed:
+                self.stop_permanently(errors.MotionRefusedError(errors.ENDED))
+                self._robot.close()
+                self._is_closed = True
+            self._hub.close()
+
+    def serve_until_stopped(self) -> None:
+        """Run callbacks in a background thread until ``stop_permanently``; raise its reason."""
+        self._hub.serve_until_stopped()
+        self._robot.require_not_stopped()
 
     def pause(self) -> str:
         """
@@ -145,15 +201,14 @@ class Commander:
 
         :raises ControlError: if no motion may start any more, so that there is none to pause
         """
-        self._session.require_not_stopped()
+        self._robot.require_not_stopped()
         with self._changing:
-            self._changes += 1
+            self.changes += 1
             is_new = self._factor.set(PAUSE, 0.0)
         if not is_new:
             return 'it was paused before'
-        self._node.get_logger().info('Paused: resume to go on')
-        return ('paused' if self._session.is_driving
-                else 'paused: the next motion is held at its start')
+        self._logger.info('Paused: resume to go on')
+        return 'paused' if self.is_driving else 'paused: the next motion is held at its start'
 
     def resume(self, even_if_moved: bool = False) -> str:
         """
@@ -163,10 +218,12 @@ class Commander:
             it during the pause
         :raises ControlError: if no motion may start now, or the robot was moved
         """
-        self._session.check_resume(even_if_moved)
+        self._robot.require_not_stopped()
+        if self.is_driving:
+            self._robot.check_resume(even_if_moved)
         was_held = [self._factor.set(name, 1.0) for name in (PAUSE, MOVED)]
         if any(was_held):
-            self._node.get_logger().info('Resumed')
+            self._logger.info('Resumed')
         if self._factor.is_hold:
             return f'another holds the robot: {self._factor.describe()}'
         return 'resumed' if any(was_held) else 'nothing was paused'
@@ -181,21 +238,11 @@ class Commander:
         """
         try:
             return self.resume(even_if_moved=self._confirmation.on_request())
-        except RobotMovedError as error:
+        except errors.RobotMovedError as error:
             self._confirmation.on_warning()
-            raise RobotMovedError(
+            raise errors.RobotMovedError(
                 f'{error}. To go on all the same, resume once more, {RESUME_QUIET_TIME:g} to '
                 f'{RESUME_CONFIRM_TIMEOUT:g} s from now') from None
-
-    def request_resume(self) -> str:
-        """
-        Continue a paused motion for a ROS client, as ``resume_when_confirmed`` does.
-
-        :raises ControlError: if a stop was requested just before, no motion may start now, or the
-            robot was moved
-        """
-        self.stop_requests.require_none()
-        return self.resume_when_confirmed()
 
     def change_speed(self, step: float) -> None:
         """Change the ROS parameter ``speed_factor`` by a step, between one step and 1."""
@@ -208,86 +255,43 @@ class Commander:
 
         :raises ControlError: if the value is out of range, or no motion may start any more
         """
-        self._session.require_not_stopped()
+        self._robot.require_not_stopped()
         try:
-            result = self._node.set_parameters([Parameter(PARAMETER, value=factor)])[0]
+            result = self._hub.node.set_parameters([Parameter(PARAMETER, value=factor)])[0]
         except rclpy_implementation.InvalidHandle:  # the node was destroyed just now
-            raise MotionRefusedError(ENDED) from None
+            raise errors.MotionRefusedError(errors.ENDED) from None
         if not result.successful:
-            raise MotionRefusedError(result.reason)
+            raise errors.MotionRefusedError(result.reason)
 
-    @property
-    def changes(self) -> int:
-        """Return how often somebody has paused the robot or set its speed so far."""
-        return self._changes
+    def on_speed_set(self, factor: float) -> None:
+        """Apply the ROS parameter ``speed_factor``, which somebody has set."""
+        with self._changing:
+            self.changes += 1
+            self._factor.set(OVERRIDE, factor)
 
-    def begin_anew(self, changes: int) -> None:
+    def begin_anew(self, changes: int, factor: float) -> None:
         """
-        End any pause, and set the speed to that at the start of the node.
+        End any pause, and set the speed factor.
 
         :param changes: ``changes`` when this was decided; what came later is kept
         """
         with self._changing:
-            if changes != self._changes:
+            if changes != self.changes:
                 return
             for name in (PAUSE, MOVED):
                 self._factor.set(name, 1.0)
-            self.set_speed(self._initial_factor)
+            self.set_speed(factor)
 
-    async def _on_stop(
-            self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        del request
-        self.stop_requests.on_stop()
-        stopped = Future()
-
-        def stop() -> None:
-            try:
-                response.message, response.success = self.request_stop(), True
-            except Exception as error:  # the client must get a response in any case
-                response.message = str(error)
-            stopped.set_result(None)
-            self._wake.trigger()
-
-        # In a thread: the node must receive odometry meanwhile, to confirm the stop.
+    @contextlib.contextmanager
+    def _accepted(self, request: DriveRequest | None) -> Iterator[DriveRequest]:
+        """Finish an accepted request at the end of a block, also if an error ends the block."""
+        request, is_complete = request or self.request(), False
         try:
-            threading.Thread(target=stop, name='stop', daemon=True).start()
-        except RuntimeError:  # since Python 3.12 no thread can start while the program ends
-            stop()
-        await stopped
-        return response
+            yield request
+            is_complete = True
+        finally:
+            self._requests.finish(request, is_complete)
 
-    def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        for value in _factors(parameters):
-            if isinstance(value, bool) or not (
-                    isinstance(value, (int, float)) and MIN_SPEED_FACTOR <= value <= 1.0):
-                return SetParametersResult(successful=False, reason=(
-                    f'{PARAMETER} is {value!r}; it must be from {MIN_SPEED_FACTOR:g} to 1; '
-                    'to stop, pause'))
-        if not hasattr(self._node, 'add_post_set_parameters_callback'):
-            self._apply_parameters(parameters)
-        return SetParametersResult(successful=True)
-
-    def _apply_parameters(self, parameters: list[Parameter]) -> None:
-        if values := _factors(parameters):
-            with self._changing:
-                self._changes += 1
-                self._factor.set(OVERRIDE, values[-1])
-
-
-def _factors(parameters: list[Parameter]) -> list[Any]:
-    """Return all values of ``speed_factor`` in a list of ROS parameters."""
-    return [parameter.value for parameter in parameters if parameter.name == PARAMETER]
-
-
-def _service(function: Callable[[], str]) -> Callable[
-        [Trigger.Request, Trigger.Response], Trigger.Response]:
-    """Return a callback for a ``std_srvs/Trigger`` service; the callback calls a function."""
-    def respond(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        del request
-        try:
-            response.message = function()
-            response.success = True
-        except ControlError as error:
-            response.message = str(error)
-        return response
-    return respond
+    def _run(self, request: DriveRequest, task: RobotTask) -> None:
+        request.period = task.period
+        Drive([task]).run()

@@ -29,7 +29,12 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 from rclpy.context import Context
-from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import (
+    Executor,
+    ExternalShutdownException,
+    MultiThreadedExecutor,
+    SingleThreadedExecutor,
+)
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
@@ -70,14 +75,16 @@ class BackgroundExecutor:
 
     def is_executor_thread(self) -> bool:
         """
-        Return whether a callback of the node's executor runs in the calling thread.
+        Return whether the calling thread is the only one that runs callbacks of the node.
 
         Then it must not wait for another callback of the node: it would wait forever.
         """
         if threading.current_thread() is self._thread:
             return True
-        is_elsewhere = self._has_executor() and self._node.executor is not self._executor
-        return is_elsewhere and any(True for _ in _executor_frames(sys._getframe()))
+        executor = self._node.executor
+        is_elsewhere = self._has_executor() and executor is not self._executor
+        return is_elsewhere and executor is not None and not _has_threads(executor) and any(
+            True for _ in _executor_frames(sys._getframe()))
 
     def stop(self) -> None:
         """End the thread; wait for it at most 2 s, and not in the thread itself."""
@@ -117,6 +124,12 @@ def _error_of(function: Callable[[], None]) -> BaseException | None:
     except BaseException as error:
         return error
     return None
+
+
+def _has_threads(executor: Executor) -> bool:
+    """Return whether an executor runs callbacks in more than one thread."""
+    pool = getattr(executor, '_executor', None)  # nothing public tells
+    return isinstance(executor, MultiThreadedExecutor) and getattr(pool, '_max_workers', 1) > 1
 
 
 def wake_main_thread() -> None:
@@ -197,7 +210,7 @@ class NodeExecutor:
 
 class SubscriptionExecutor:
     """
-    Receives the messages of one subscription, with much less CPU time than an rclpy executor.
+    Receives the messages of subscriptions, with much less CPU time than an rclpy executor.
 
     It waits in a loop, like ``rclpy.wait_for_message()``.
 
@@ -209,8 +222,7 @@ class SubscriptionExecutor:
             self, node: Node, subscription: Subscription, on_message: Callable[[Any], None],
             raw: bool = False) -> None:
         self._context = node.context
-        self._subscription = subscription
-        self._on_message = on_message
+        self._subscriptions = [(subscription, on_message)]
         self._raw = raw
         self._stopped = threading.Event()
         group = subscription.callback_group
@@ -221,6 +233,10 @@ class SubscriptionExecutor:
         # each message.  The events report incompatible QoS; best effort is compatible with every
         # publisher.
         group.beginning_execution(subscription)
+
+    def add(self, subscription: Subscription, on_message: Callable[[Any], None]) -> None:
+        """Add a subscription in the same callback group, before ``run``."""
+        self._subscriptions.append((subscription, on_message))
 
     def run(self) -> None:
         """
@@ -241,24 +257,30 @@ class SubscriptionExecutor:
         self._guard_condition.trigger()
 
     def _run(self) -> None:
-        subscription, guard_condition = self._subscription.handle, self._guard_condition.handle
-        context = self._context.handle
+        guard_condition, context = self._guard_condition.handle, self._context.handle
         assert context is not None, 'ROS is running'
-        with subscription, guard_condition, context:
-            wait_set = rclpy_implementation.WaitSet(1, 1, 0, 0, 0, 0, context)
+        handles = [subscription.handle for subscription, _ in self._subscriptions]
+        with contextlib.ExitStack() as used:
+            for handle in (*handles, guard_condition, context):
+                used.enter_context(handle)
+            wait_set = rclpy_implementation.WaitSet(len(handles), 1, 0, 0, 0, 0, context)
             while not self._stopped.is_set():
                 wait_set.clear_entities()
-                wait_set.add_subscription(subscription)
+                for handle in handles:
+                    wait_set.add_subscription(handle)
                 wait_set.add_guard_condition(guard_condition)
                 wait_set.wait(WAIT_FOREVER)
-                self._take_all()
+                ready = wait_set.get_ready_entities('subscription')
+                for subscription, on_message in self._subscriptions:
+                    if subscription.handle.pointer in ready:
+                        self._take_all(subscription, on_message)
                 time.sleep(YIELD_TIME)
 
-    def _take_all(self) -> None:
-        take, kind = self._subscription.handle.take_message, self._subscription.msg_type
+    def _take_all(self, subscription: Subscription, on_message: Callable[[Any], None]) -> None:
+        take, kind = subscription.handle.take_message, subscription.msg_type
         # A publisher faster than this loop must not prevent the end of the loop.
         while not self._stopped.is_set() and (taken := take(kind, self._raw)) is not None:
-            self._on_message(taken[0])
+            on_message(taken[0])
 
 
 #: An executor that runs callbacks in the thread that calls ``run()``, until ``stop()``.

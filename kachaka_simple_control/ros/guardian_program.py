@@ -36,9 +36,10 @@ import threading
 import time
 
 from kachaka_simple_control.control.guardian_memory import GuardianMemory, RobotSlot
+from kachaka_simple_control.control.preparation import complete
 from kachaka_simple_control.control.processes import boottime, is_stopped
 from kachaka_simple_control.control.signals import run_in_threads, wakeup_pipe
-from kachaka_simple_control.control.stop import send_stop
+from kachaka_simple_control.control.stop import stop_steps
 from kachaka_simple_control.control.timing import (
     DISCOVERY_RETRY_TIMEOUTS,
     GUARDIAN_EXIT_TIMEOUT,
@@ -163,7 +164,7 @@ class GuardedRobot:
         self._keep(None)
 
     def send_zero(self) -> bool:
-        """Publish one zero velocity; return True, so that ``send_stop`` continues."""
+        """Publish one zero velocity; return True, so that ``stop_steps`` continues."""
         [*self._publishers.values()][-1].transmit(ZERO)
         return True
 
@@ -175,7 +176,8 @@ class GuardedRobot:
     def finish_stop(self) -> None:
         """Send the zeros of a stop in a thread; other robots are watched meanwhile."""
         self._stopping = run_in_threads(
-            [partial(send_stop, self.send_zero, self._command_timeout)])
+            [partial(complete, [partial(
+                stop_steps, send_zero=self.send_zero, command_timeout=self._command_timeout)])])
 
     def wait_for_stop(self) -> None:
         """Wait until the thread that sends the zero velocities of the stop has sent them all."""

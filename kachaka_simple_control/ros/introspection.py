@@ -47,7 +47,7 @@ from kachaka_simple_control.ros.names import (
     PLANNED_PATH,
     SPEED_FACTOR,
 )
-from kachaka_simple_control.ros.session_status import diagnose, StatusReader
+from kachaka_simple_control.ros.robot_status import diagnose, StatusReader
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.telemetry.event_bus import EventBus
 from rclpy.clock import Clock, ClockType
@@ -122,18 +122,13 @@ class IntrospectionPublishers:
         except ImportError:
             return
         self._on_event[MotionPlanned] = [
-            self._failing_once(PLANNED_PATH, lambda _: self._publish_plan(planned))]
+            self._failing_once(PLANNED_PATH, lambda event: planned.on_plan(event.plan))]
         self._on_frame += [self._failing_once(PLANNED_PATH, planned.set_frame),
                            self._failing_once(DRIVEN_PATH, driven.set_frame)]
         self._on_event[MotionStarted] = [
             self._failing_once(PLANNED_PATH, planned.on_motion_started)]
         self._on_event[OdometryReceived] = [self._failing_once(PLANNED_PATH, planned.on_odometry),
                                             self._failing_once(DRIVEN_PATH, driven.on_odometry)]
-
-    def _publish_plan(self, publisher: PlannedPathPublisher) -> None:
-        plan = None if self._status_reader is None else self._status_reader.progress.plan
-        if plan is not None:
-            publisher.on_plan(plan)
 
     def _add_diagnostics(self, robot: str) -> None:
         # Optional, like the paths: diagnostic_msgs may be missing.

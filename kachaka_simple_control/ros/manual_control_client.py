@@ -14,7 +14,7 @@
 """
 Call the service that switches manual control on and off.
 
-Tested by test/ros/test_session.py.
+Tested by test/ros/test_robot.py.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 import math
 import threading
@@ -26,7 +26,7 @@ from kachaka_simple_control.ros import executors
 from kachaka_simple_control.ros.endpoints import with_qos_overrides
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.telemetry.cdr import read_odometry
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.subscription import Subscription
@@ -34,36 +34,55 @@ from rclpy.subscription import Subscription
 
 class OdometryReader:
     """
-    Receives the odometry of a robot in a separate thread, with little CPU time for each message.
+    Reads the odometry messages of a robot.
+
+    :param on_frame: called with the frame of the poses, before the first pose in it
+    :ivar on_odometry: called with the time of arrival [s on the steady clock], the pose, the
+        velocity, and whether the message is new: its time stamp is later than the one before, or
+        it has none
+    """
+
+    def __init__(self, subscription: Subscription, on_frame: Callable[[str], None]) -> None:
+        self.subscription = subscription
+        self.on_odometry: Callable[[float, Pose, Velocity, bool], None] = lambda *_: None
+        self._on_frame = on_frame
+        self._frame: bytes | None = None
+        self._newest = 0
+
+    def on_message(self, data: bytes) -> None:
+        """Read a serialized message."""
+        frame, stamp, pose, twist = read_odometry(data)
+        if frame != self._frame:
+            self._frame = frame
+            self._on_frame(frame.decode(errors='replace'))
+        is_new, self._newest = stamp > self._newest or not stamp, stamp
+        # Ignore a message with a value that is NaN or infinite.
+        if math.isfinite(pose.x + pose.y + pose.theta + twist.linear_x + twist.angular_z):
+            self.on_odometry(time.monotonic(), pose, twist, is_new)
+
+
+class OdometryThread:
+    """
+    Receives the odometry of robots in one thread, with little CPU time for each message.
 
     An executor of rclpy would build a new wait set with all entities of the node for each, and
     convert all 72 covariance values.
 
-    :param subscription: in a callback group of its own
-    :param on_frame: called with the frame of the poses, before the first pose in it
+    :param readers: at least one; their subscriptions are in one callback group
+    :param on_error: called in the thread with what a function of a reader raises
     """
 
     def __init__(
-            self, node: Node, subscription: Subscription, on_frame: Callable[[str], None]) -> None:
-        self._executor = executors.SubscriptionExecutor(
-            node, subscription, self._on_message, raw=True)
-        self._on_frame = on_frame
-        self._frame: bytes | None = None
-        self._newest = 0
-        self._thread = threading.Thread(target=self._run, name='odometry', daemon=True)
-
-    def start(
-            self, on_odometry: Callable[[float, Pose, Velocity, bool], None],
+            self, node: Node, readers: Sequence[OdometryReader],
             on_error: Callable[[BaseException], None]) -> None:
-        """
-        Start the thread that receives odometry.
-
-        :param on_odometry: called in it with the time of arrival [s on the steady clock], the
-            pose, the velocity, and whether the message is new: its time stamp is later than the
-            one before, or it has none
-        :param on_error: called in it with what ``on_odometry`` or ``on_frame`` raises
-        """
-        self._on_odometry, self._on_error = on_odometry, on_error
+        first, *others = readers
+        self._executor = executors.SubscriptionExecutor(
+            node, first.subscription, first.on_message, raw=True)
+        for reader in others:
+            self._executor.add(reader.subscription, reader.on_message)
+        self._thread = threading.Thread(
+            target=executors.spin_until_stopped, args=(self._executor.run, on_error),
+            name='odometry', daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
@@ -73,25 +92,14 @@ class OdometryReader:
             if threading.current_thread() is not self._thread:
                 self._thread.join(executors.THREAD_EXIT_TIMEOUT)
 
-    def _run(self) -> None:
-        executors.spin_until_stopped(self._executor.run, self._on_error)
-
-    def _on_message(self, data: bytes) -> None:
-        frame, stamp, pose, twist = read_odometry(data)
-        if frame != self._frame:
-            self._frame = frame
-            self._on_frame(frame.decode(errors='replace'))
-        is_new, self._newest = stamp > self._newest or not stamp, stamp
-        # Ignore a message with a value that is NaN or infinite.
-        if math.isfinite(pose.x + pose.y + pose.theta + twist.linear_x + twist.angular_z):
-            self._on_odometry(time.monotonic(), pose, twist, is_new)
-
 
 def subscribe_to_odometry(
-        node: Node, names: RobotNames, on_frame: Callable[[str], None]) -> OdometryReader | None:
+        node: Node, names: RobotNames, group: CallbackGroup,
+        on_frame: Callable[[str], None]) -> OdometryReader | None:
     """
     Subscribe to odometry; None if the robot has none, or nav_msgs is not installed.
 
+    :param group: that of the thread for odometry, which no other executor serves
     :param on_frame: called with the frame of the poses, before the first pose in it
     :raises UsageError: if a ROS parameter sets an invalid QoS
     """
@@ -106,5 +114,5 @@ def subscribe_to_odometry(
     # Best effort, like the publisher of the robot: a reliable subscription would not match.
     subscription = with_qos_overrides(lambda options: node.create_subscription(
         Odometry, topic, lambda _: None, copy(qos_profile_sensor_data),
-        callback_group=MutuallyExclusiveCallbackGroup(), qos_overriding_options=options))
-    return OdometryReader(node, subscription, on_frame)
+        callback_group=group, qos_overriding_options=options))
+    return OdometryReader(subscription, on_frame)

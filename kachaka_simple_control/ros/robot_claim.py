@@ -167,12 +167,7 @@ class _NetworkClaim:
             QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL),
             callback_group=MutuallyExclusiveCallbackGroup())
         self._node = node
-        self._stopped = threading.Event()
-        # Started here, because since Python 3.12 no thread can start after the main thread has
-        # ended, and another thread may begin to drive then.
-        threading.Thread(
-            target=_publish_periodically, args=(weakref.ref(self), self._stopped), name='claim',
-            daemon=True).start()
+        _repeater.add(self)
 
     def take(self, who: str, moment: Moment) -> Steps[str | None]:
         """
@@ -225,7 +220,7 @@ class _NetworkClaim:
         """
         if self._conflict_found is not None:
             time.sleep(max(0.0, self._conflict_found + CLAIM_CONFLICT_TIME - time.monotonic()))
-        self._stopped.set()
+        _repeater.remove(self)
         if self._state != RELEASED and self._node.context.ok():
             self._set_state(RELEASED)
 
@@ -257,10 +252,42 @@ class _NetworkClaim:
             self._on_conflict(holder)
 
 
-def _publish_periodically(claim: weakref.ref[_NetworkClaim], stopped: threading.Event) -> None:
-    # A weak reference, so that a claim of a node that could not be made is let go of.
-    while not stopped.wait(CLAIM_PERIOD):
-        if (one := claim()) is None:
-            return
-        one.repeat()
-        del one
+class _Repeater:
+    """Publishes the claims of this program again and again, in one thread for all of them."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        # Weak references, so that a claim of a node that could not be made is let go of.
+        self._claims: weakref.WeakSet[_NetworkClaim] = weakref.WeakSet()
+        self._stopped = threading.Event()
+        self._stopped.set()
+
+    def add(self, claim: _NetworkClaim) -> None:
+        with self._lock:
+            self._claims.add(claim)
+            if self._stopped.is_set():
+                self._stopped = threading.Event()
+                # Started here, because since Python 3.12 no thread can start after the main
+                # thread has ended, and another thread may begin to drive then.
+                threading.Thread(
+                    target=self._run, args=(self._stopped,), name='claims', daemon=True).start()
+
+    def remove(self, claim: _NetworkClaim) -> None:
+        with self._lock:
+            self._claims.discard(claim)
+            if not self._claims:
+                self._stopped.set()
+
+    def _run(self, stopped: threading.Event) -> None:
+        while not stopped.wait(CLAIM_PERIOD):
+            with self._lock:
+                if not self._claims:
+                    stopped.set()
+            self._repeat()
+
+    def _repeat(self) -> None:
+        for claim in [*self._claims]:
+            claim.repeat()
+
+
+_repeater = _Repeater()

@@ -28,7 +28,7 @@ from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.events import VelocityKind
 from kachaka_simple_control.control.guardian import Guardian, GuardianProcess, NullGuardian
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
-from kachaka_simple_control.control.preparation import complete, Moment, Steps, until, Wait
+from kachaka_simple_control.control.preparation import complete, Moment, pause, Steps, until
 from kachaka_simple_control.control.run_monitor import LeaseRenewer
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.timing import (
@@ -108,13 +108,7 @@ class RobotConnection:
         # Another program may now drive the robot with manual control.
         if self.foreign.has_recent(time.monotonic()):
             return
-        found: list[bool] = []
-
-        def detect(moment: Moment) -> Steps[None]:
-            found.append((yield from self.foreign.detect(moment)))
-
-        complete(detect, lambda: None)
-        if any(found):
+        if any(complete([self.foreign.detect])):
             return
         if not self.manual_control.release(RELEASE_TIMEOUT):
             self.node.get_logger().warning(
@@ -196,9 +190,7 @@ class RobotConnection:
             self.publisher.sent.record_guardian_zero(moment.now)
             self.guardian.prime()
             count += 1
-            due = moment.now + STOP_REPEAT_PERIOD
-            while moment.now < due:
-                yield Wait('its reader', due)
+            yield from pause(moment, STOP_REPEAT_PERIOD, 'its reader')
         # A late zero of the guardian would disturb the motion.
         if not (yield from until(
                 moment, lambda: self.guardian.prime_count >= count, 'the guardian',

@@ -26,22 +26,22 @@ from kachaka_simple_control.errors import (
     MotionRunningError,
     MotionStoppedError,
 )
+from kachaka_simple_control.ros.commander import Commander
 from kachaka_simple_control.ros.executors import wake_main_thread
-from kachaka_simple_control.ros.session import Session
 from rclpy.node import Node
 
 
 class NodeSignalHandler:
     """Stops the robot of a node when a signal or an exception ends the program."""
 
-    def __init__(self, node: Node, session: Session) -> None:
-        self._node, self._session = node, session
+    def __init__(self, node: Node, commander: Commander) -> None:
+        self._node, self._commander = node, commander
         self._guard_condition = node.create_guard_condition(lambda: None)
 
     def on_signal(self, signum: int) -> None:
         """Stop the robot at once, and refuse all later motions; called in a separate thread."""
         name = signal.Signals(signum).name
-        self._session.stop_permanently(MotionStoppedError(f'stopped by {name}'))
+        self._commander.stop_permanently(MotionStoppedError(f'stopped by {name}'))
 
     def wake(self) -> None:
         """
@@ -65,5 +65,5 @@ class NodeSignalHandler:
             return
         if isinstance(error, KeyboardInterrupt):
             self._node.get_logger().info('Program was interrupted')
-        self._session.stop_permanently(
+        self._commander.stop_permanently(
             MotionRefusedError(f'the program ended by {error!r}'))

@@ -23,7 +23,7 @@ from kachaka_simple_control.commands.settings import (
     choose_settings,
     chosen_speed,
     describe_overrides,
-    with_corners,
+    order_of,
 )
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.document import MotionFileError
@@ -105,7 +105,7 @@ def test_what_needs_all_of_the_limits_cannot_be_corrected(measured):
             'fast.yaml')
     chosen, _ = settings(measured, file)
     with pytest.raises(MotionFileError) as caught:
-        chosen.limits_of(loads(*file))
+        order_of(parse([]), loads(*file), chosen, chosen.profile)
     assert str(caught.value) == (
         "fast.yaml:3: step 1: move.linear_x: 0.3 m/s, outside the closed loop's limits of -0.27 "
         'to 0.27 m/s')
@@ -133,10 +133,8 @@ def test_corners_are_cut_by_what_wins(words, file, corners, overridden):
     chosen, lines = settings(words, file)
     assert chosen.corners == corners
     assert lines == overridden
-    driven = with_corners(parse(words.split()), loads(*file), chosen.corners)
-    assert driven.motion.corners == corners
-    # The value of the file is kept, for the line about the override.
-    assert driven.corners == loads(*file).corners
+    order = order_of(parse(words.split()), loads(*file), chosen, chosen.profile)
+    assert order.motion.corners == corners
 
 
 #: What is refused beside a file that names robot and rate.

@@ -41,7 +41,7 @@ class PlannedDrive(ScriptedDrive):
         super()._obey(command)
         if hasattr(command, 'text'):
             motion = loads(command.text, command.name).motion
-            self.plan = DriveOrder.of(motion, KACHAKA.planning_limits, RATE).plan()
+            self.plan = DriveOrder.of(motion, KACHAKA.planning_limits, RATE).plan
             self.planned, self.pose = ORIGIN, (0.0, 0.0, 0.0)
             self._set(motion=motion.name, steps=len(self.plan.steps), start=self.pose)
 

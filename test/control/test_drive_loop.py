@@ -53,10 +53,10 @@ class QuietMonitor:
         """Return what was planned."""
         return tick.velocity
 
-    def on_sent(self, rest):
+    def on_sent(self, now, rest):
         """Do nothing."""
 
-    def check(self):
+    def check(self, now):
         """Find nothing."""
 
 
@@ -123,7 +123,7 @@ def test_what_one_port_takes_is_no_gap_of_another_robot():
 def test_a_robot_that_faults_ends_alone():
     fake, failures = FakeTime(), []
     fleet = Fleet(3, fake.clock, fake.sleep)
-    fleet.drives[1].monitor.check = lambda: (_ for _ in ()).throw(RunFaultError('lost')) if (
+    fleet.drives[1].monitor.check = lambda now: (_ for _ in ()).throw(RunFaultError('lost')) if (
         len(fleet.sent[1]) == 4) else None
     fleet.begin(fake.now)
     fleet.loop.run(fleet.drives, lambda drive, error: failures.append((drive, str(error))))
@@ -137,7 +137,7 @@ def test_whatever_ends_the_loop_each_robot_has_a_zero_at_once(error):
     fake = FakeTime()
     fleet = Fleet(5, fake.clock, fake.sleep)
 
-    def fail():
+    def fail(now):
         if len(fleet.sent[2]) == 4:
             raise error
 

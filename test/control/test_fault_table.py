@@ -95,7 +95,6 @@ class Robot:
         self.monitor = RunMonitor(
             self.guardian, self.lease, self.port, self.port, self.odometry,
             SimpleNamespace(odometry_timeout=1.0, pause_timeout=600.0), self.factor)
-        self.monitor.clock = self.time.clock
         self.feedback = PoseFeedback(0.1) if is_closed_loop else None
         self.drive = RobotDrive(self.gate, self.monitor, self.factor, COMMAND_TIMEOUT)
         self.stopper = StopController(
@@ -141,11 +140,11 @@ class Robot:
         """Drive; at a time after t = 0 something happens.  Return the error that ends it."""
         if self.feedback is not None:
             self.feedback.begin(PLAN, LIMITS)
-        self.monitor.begin(self.feedback, PLAN.period)
+        self.monitor.begin(self.time.now, self.feedback, PLAN.period)
         self.drive.request('there', PLAN)
         start = self.time.now
         self.at, self.happen = start + at, happen
-        run = self.drive.begin(TickScheduler(PLAN), start, PLAN.period)
+        self.drive.begin(TickScheduler(PLAN), start, PLAN.period)
         try:
             # As a thread that is woken: at most a check apart.
             DriveLoop(self.time.clock, lambda left: self.time.sleep(min(left, 0.01))).run(
@@ -153,8 +152,6 @@ class Robot:
         except ControlError as error:
             self.stopper.stop(error)
             return error
-        self.stopper.stop_after_idle(run, 60.0)
-        self.stopper.cancel_pending()
         self.stopper.stop(MotionStoppedError('over'))
         return None
 

@@ -37,14 +37,19 @@ class Robot:
 
 
 def test_ten_robots_get_ready_in_the_time_of_one():
-    robots = [Robot(0.1 * number) for number in range(10)]
-    under_way = [Preparation(robot.prepare) for robot in robots]
-    now = 0.0
-    while under_way:
-        under_way = [one for one in under_way if one.advance(now) is not None]
-        now += 0.05
-    assert now < 1.0
+    time, began = FakeTime(), FakeTime().now
+    robots = [Robot(began + 0.1 * number) for number in range(10)]
+    complete([robot.prepare for robot in robots], lambda: None, time.clock, time.sleep)
+    assert time.now - began < 1.0
     assert all(robot.done == ['ready'] for robot in robots)
+
+
+def test_one_that_never_gets_ready_ends_all():
+    time, began = FakeTime(), FakeTime().now
+    robots = [Robot(began + 10.0), Robot(began + 1.0), Robot(began + 11.0)]
+    with pytest.raises(TimeoutError):
+        complete([robot.prepare for robot in robots], lambda: None, time.clock, time.sleep)
+    assert [robot.done for robot in robots] == [['withdrawn'], ['ready'], ['withdrawn']]
 
 
 def test_they_say_what_they_wait_for_and_until_when():
@@ -71,5 +76,5 @@ def test_whoever_is_stopped_meanwhile_takes_back_what_was_begun():
             raise InterruptedError
 
     with pytest.raises(InterruptedError):
-        complete(robot.prepare, check, time.clock, time.sleep)
+        complete([robot.prepare], check, time.clock, time.sleep)
     assert robot.done == ['withdrawn']

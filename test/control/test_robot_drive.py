@@ -49,10 +49,10 @@ class CountingMonitor:
         """Return what was planned."""
         return tick.velocity
 
-    def on_sent(self, rest):
+    def on_sent(self, now, rest):
         """Do nothing."""
 
-    def check(self):
+    def check(self, now):
         """Count a check."""
         self.checks += 1
 
@@ -119,7 +119,7 @@ def test_late_wakeups_do_not_add_up():
 
 def test_it_checks_for_faults_between_velocities():
     bench, checks = Bench(Move(0.1, 0.0, 1.0), rate=5.0), []
-    bench.monitor.check = lambda: checks.append(bench.time.now)
+    bench.monitor.check = lambda now: checks.append(bench.time.now)
     bench.run()
     assert max(after - before for before, after in pairwise(checks)) <= CHECK_PERIOD + 1e-9
     assert len(checks) < 50
@@ -135,7 +135,7 @@ def test_it_checks_for_faults_even_if_every_message_is_late():
         bench.time.now += late
 
     bench.gate._transmit = held_up
-    bench.monitor.check = lambda: checks.append(bench.time.now)
+    bench.monitor.check = lambda now: checks.append(bench.time.now)
     bench.run()
     gaps = [after - before for before, after in pairwise(checks)]
     assert max(gaps) <= late + CHECK_PERIOD + 1e-6
@@ -145,7 +145,7 @@ def test_a_slow_graph_query_does_not_end_the_run():
     bench = Bench(Move(0.1, 0.0, 1.0), rate=50.0)
     flags = []
 
-    def ask():
+    def ask(now):
         flags.append(bench.gate._sending.is_set)
         bench.time.now += 0.25 if len(flags) % 10 == 5 else 0.0
 

@@ -19,7 +19,6 @@ import math
 import threading
 from types import SimpleNamespace
 
-from kachaka_simple_control.control import run_monitor
 from kachaka_simple_control.control.guardian import NullGuardian
 from kachaka_simple_control.control.run_monitor import RunMonitor
 from kachaka_simple_control.control.speed_factor import SpeedFactor
@@ -28,27 +27,11 @@ from kachaka_simple_control.errors import HELD_UP_ADVICE, RunFaultError
 from kachaka_simple_control.motion.geometry import ZERO
 import pytest
 
-
-class Clock:
-    """A clock that is set."""
-
-    now = 100.0
-
-    def monotonic(self):
-        """Return the time [s]."""
-        return self.now
+START = 100.0
 
 
 @pytest.fixture
-def clock(monkeypatch):
-    """Return the clock of the monitor."""
-    clock = Clock()
-    monkeypatch.setattr(run_monitor, 'time', clock)
-    return clock
-
-
-@pytest.fixture
-def begun(clock):
+def begun():
     """Return a monitor whose run has begun, and its odometry."""
     odometry = StandstillDetector()
     anything = SimpleNamespace(
@@ -57,21 +40,21 @@ def begun(clock):
     parameters = SimpleNamespace(odometry_timeout=0.5, pause_timeout=600.0)
     monitor = RunMonitor(
         NullGuardian(), None, anything, anything, odometry, parameters, SpeedFactor())
-    monitor.begin(None, 0.1)
-    odometry.on_odometry(clock.now, ZERO)
+    monitor.begin(START, None, 0.1)
+    odometry.on_odometry(START, ZERO)
     return monitor, odometry
 
 
 def test_a_hold_that_is_released_before_the_robot_rests_needs_no_question(begun, monkeypatch):
     monitor, _ = begun
-    monkeypatch.setattr(monitor, 'check_resume', lambda: pytest.fail('it asks'))
+    monkeypatch.setattr(monitor, 'check_resume', lambda now: pytest.fail('it asks'))
     monitor._speed_factor.set('obstacle', 0.0)
-    monitor.on_sent(0.0)  # it brakes
-    monitor.check()
+    monitor.on_sent(START, 0.0)  # it brakes
+    monitor.check(START)
     assert monitor.speed_factor == 0.0
     monitor._speed_factor.set('obstacle', 1.0)
     assert monitor.speed_factor == 1.0
-    monitor.check()
+    monitor.check(START)
     assert monitor.speed_factor == 1.0
 
 
@@ -80,7 +63,7 @@ def test_the_questions_before_a_release_are_asked_outside_every_lock(begun, monk
     monitor, _ = begun
     factor, has_set = monitor._speed_factor, []
 
-    def ask():
+    def ask(*_):
         other = threading.Thread(target=factor.set, args=('other', 0.5), daemon=True)
         other.start()
         other.join(5.0)
@@ -89,21 +72,20 @@ def test_the_questions_before_a_release_are_asked_outside_every_lock(begun, monk
     monkeypatch.setattr(monitor, 'check_resume', ask)
     monkeypatch.setattr(monitor.pause_pose, 'require_not_moved', ask)
     factor.set('obstacle', 0.0)
-    monitor.on_sent(math.inf)
+    monitor.on_sent(START, math.inf)
     factor.set('obstacle', 1.0)
     assert has_set == []
     assert monitor.speed_factor == 0.0
-    monitor.check()
+    monitor.check(START)
     assert has_set == [True, True]
     assert monitor.speed_factor == 0.5
 
 
-def test_a_program_that_was_held_up_does_not_blame_the_robot(begun, clock):
+def test_a_program_that_was_held_up_does_not_blame_the_robot(begun):
     """No odometry can come while the program does not run."""
     monitor, _ = begun
-    monitor.check()
-    clock.now += 3.0
+    monitor.check(START)
     with pytest.raises(RunFaultError) as error:
-        monitor.check()
+        monitor.check(START + 3.0)
     assert str(error.value) == (
         f'odometry has been silent for 3.0 s: the program was held up, {HELD_UP_ADVICE}')

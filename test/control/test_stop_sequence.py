@@ -17,13 +17,14 @@ from itertools import pairwise
 
 from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control.guardian_memory import Latch
-from kachaka_simple_control.control.stop import StopController
+from kachaka_simple_control.control.stop import LateStops, StopController
 from kachaka_simple_control.control.timing import STOP_CONFIRM_TIMEOUT
 from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 import pytest
+from waiting import wait_until
 
 COMMAND_TIMEOUT = 0.3
 REASON = MotionRefusedError('test')
@@ -146,23 +147,16 @@ def test_a_new_run_ends_the_stop_of_the_one_before():
     assert bench.wire.sent[-1][1] == Velocity(0.2, 0.0)
 
 
-def test_the_stop_is_sent_at_once_if_no_thread_can_start(monkeypatch):
-    """As at the end of Python 3.12 and later."""
-    def refuse(self):
-        raise RuntimeError("can't create new thread at interpreter shutdown")
-
-    bench = Bench()
-    monkeypatch.setattr('threading.Thread.start', refuse)
-    bench.controller.stop_after_idle(bench.run, within=60.0)
-    assert len(bench.zeros) >= 10
-
-
-def test_the_stop_is_not_sent_if_another_run_follows():
-    bench = Bench()
-    bench.gate.begin(0.2)
-    bench.controller.stop_after_idle(bench.run, within=0.0)
-    bench.controller._later.join(5.0)
-    assert bench.zeros == []
+def test_late_stops_are_sent_together_unless_another_run_follows():
+    late, benches = LateStops(), [Bench() for _ in range(4)]
+    for number, bench in enumerate(benches):
+        late.schedule(bench.controller, bench.run, within=0.1 if number else 0.0)
+    late.cancel(benches[1].controller)
+    benches[2].gate.begin(0.2)
+    assert wait_until(lambda: all(
+        benches[number].controller.is_stopped for number in (0, 3)), 5.0)
+    late.close()
+    assert [len(bench.zeros) >= 10 for bench in benches] == [True, False, False, True]
 
 
 def test_the_stop_is_reported_to_the_guardian_before_and_after():
@@ -205,7 +199,7 @@ def test_a_late_stop_does_not_end_a_run_that_begins_at_that_moment():
             return found
 
     bench.controller._gate = Late()
-    bench.controller._stop_ended(bench.run)
+    bench.controller.stop(None, only=bench.run)
     gate.send(begun[0], Velocity(0.2, 0.0))
 
 

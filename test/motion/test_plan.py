@@ -16,6 +16,7 @@
 from dataclasses import replace
 from itertools import pairwise
 import math
+import pickle
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -54,6 +55,12 @@ def sent(planned: Plan) -> list[tuple[float, float]]:
     """Return the velocities of a plan."""
     return [(segment.velocity.linear_x, segment.velocity.angular_z)
             for segment in planned.segments]
+
+
+@given(MOTIONS, LIMITS, RATES)
+def test_another_process_gets_the_same_plan(motion, limits, rate):
+    planned = plan(motion, limits, rate)
+    assert pickle.loads(pickle.dumps(planned)) == planned
 
 
 @given(MOTIONS, LIMITS, RATES)

@@ -38,7 +38,7 @@ from waiting import wait_until
 
 NODE = ODOMETRY = TRANSIENT_LOCAL = MISSING
 with optional_imports():
-    from kachaka_simple_control.ros import session
+    from kachaka_simple_control.ros import commander
     from rcl_interfaces.msg import Parameter as ParameterMessage
     from rcl_interfaces.msg import ParameterValue
     from rcl_interfaces.srv import SetParameters, SetParametersAtomically
@@ -123,7 +123,7 @@ def test_a_motion_with_five_pauses_ends_where_it_would(make, monkeypatch):
             ticks.append(tick)
             return tick
 
-    monkeypatch.setattr(session, 'TickScheduler', Recorded)
+    monkeypatch.setattr(commander, 'TickScheduler', Recorded)
     motion = Motion('half a square', (Repeat(2, (Forward(0.6), Turn(math.pi / 2.0))),))
     planned = plan(motion, KACHAKA.limits, 20.0)
     with bridge():
@@ -281,7 +281,7 @@ def test_many_requests_at_once_do_not_confirm_each_other(listener, observer, mak
 def hold(node, listener):
     """Hold a node in its cruise as an obstacle would, until its pose at rest is noted."""
     listener.wait_for(is_at_cruise)
-    node.session.speed_factor.set('obstacle', 0.0)
+    node.speed.set('obstacle', 0.0)
     count = len(listener.received)
     listener.wait_for(is_zero, after=count)
     time.sleep(1.0)
@@ -297,9 +297,9 @@ def test_a_hold_is_kept_if_the_robot_was_moved_meanwhile(listener, observer, mak
         pose.position.x += 0.3
         time.sleep(0.3)
         began = time.monotonic()
-        node.session.speed_factor.set('obstacle', 1.0)
+        node.speed.set('obstacle', 1.0)
         assert time.monotonic() - began < 0.1, 'whoever releases a hold waits for nothing'
-        assert wait_until(lambda: 'moved' in node.session.speed_factor.factors)
+        assert wait_until(lambda: 'moved' in node.speed.factors)
         time.sleep(0.5)
         assert not any(velocity.moves for velocity in listener.received[count:])
         if by == 'service':
@@ -344,20 +344,20 @@ def test_after_the_guardian_s_stop_or_end_requests_are_refused(listener, make, e
     node = make(guardian=True)
     with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
         listener.wait_for(is_at_cruise)
-        end(node.session._guardian._process)
+        end(node.robot.guardian._process)
         assert wait_until(lambda: ended)
     answer = listener.call('resume')
     assert not answer.success
     assert reason in answer.message
     with pytest.raises(ControlError, match='until this program is started again'):
-        node.session.request(elsewhere=True)
+        node.commander.request(elsewhere=True)
 
 
 def test_nothing_starts_or_goes_on_at_the_same_time_as_a_stop(listener, make):
     node, now = make(), [7.0]
-    node.commander.stop_requests = StopRequests(lambda: now[0])
+    node.drive_services.stop_requests = StopRequests(lambda: now[0])
     drive = partial(node.run, Motion('on', (Forward(1.0),)), KACHAKA.limits)
-    node.commander.serve('~/run', partial(node.commander.request_start, drive))
+    node.drive_services.serve('~/run', partial(node.drive_services.start, drive))
     node.move_robot(0.1, 0.0, 0.2)
     node.pause()
     assert listener.call('stop').success
@@ -366,7 +366,7 @@ def test_nothing_starts_or_goes_on_at_the_same_time_as_a_stop(listener, make):
         answer = listener.call(name)
         assert (answer.success, answer.message) == (
             False, 'a stop came at the same time: call again')
-    assert not node.session.is_driving
+    assert not node.commander.is_driving
     assert node.speed_factor == 0.0
     count, now[0] = len(listener.received), now[0] + 0.002
     for name in ('resume', 'run'):
@@ -442,7 +442,7 @@ def test_the_speed_is_a_parameter_and_a_topic(listener, observer, make):
 def test_a_pause_after_the_guardians_stop_is_refused(make):
     """It said 'paused', and nothing moves until the program is started again."""
     node = make()
-    node.session._guardian.stopped_because = 'the node sent no heartbeat'
+    node.robot.guardian.stopped_because = 'the node sent no heartbeat'
     for command in (node.pause, partial(node.commander.set_speed, 0.5)):
         with pytest.raises(ControlError, match='the guardian stopped the robot'):
             command()
@@ -459,5 +459,5 @@ def test_to_begin_anew_keeps_a_pause_or_a_speed_that_came_later(make, change, ke
     node.pause()
     changes = node.commander.changes
     change(node)
-    node.commander.begin_anew(changes)
-    assert dict(node.session.speed_factor.factors) == kept
+    node.commander.begin_anew(changes, 0.8)
+    assert dict(node.speed.factors) == kept

@@ -41,12 +41,12 @@ def test_a_parameter_above_0_replaces_the_corners_of_a_motion(
         raise SeenError
 
     node = make(**parameters)
-    monkeypatch.setattr(node.session, 'drive', drive)
+    monkeypatch.setattr(node.commander, 'drive', drive)
     with pytest.raises(SeenError):
         node.run(Motion('corner', STEPS, corners=in_motion))
     (order, request), = orders
     assert (order.motion.corners, request) == (used, None)
-    assert (order.plan().saved_time > 0.0) == (used > 0.0)
+    assert (order.plan.saved_time > 0.0) == (used > 0.0)
 
 
 def test_corners_out_of_range_are_refused(make):

@@ -120,14 +120,14 @@ def test_a_diagnosis_is_made_even_while_the_clock_of_ros_stands_still(listener, 
 
 
 def test_a_topic_that_fails_is_logged_once_and_ends_nothing(listener, observer, make, monkeypatch):
-    from kachaka_simple_control.ros import debug_topics, session_status
+    from kachaka_simple_control.ros import debug_topics, robot_status
 
     def fail(*what):
         raise RuntimeError('cannot show')
 
     monkeypatch.setattr(debug_topics.CommandedVelocityPublisher, 'on_sent', fail)
     monkeypatch.setattr(debug_topics.PathSerializer, 'pose', fail)
-    monkeypatch.setattr(session_status.StatusReader, 'read', fail)
+    monkeypatch.setattr(robot_status.StatusReader, 'read', fail)
     warnings = []
     # Before there is a node: the first event may come at once.
     monkeypatch.setattr(RcutilsLogger, 'warning', lambda self, text: warnings.append(text))
@@ -135,7 +135,7 @@ def test_a_topic_that_fails_is_logged_once_and_ends_nothing(listener, observer, 
     node = make()
     observer.diagnostics(), observer.driven(), observer.planned(), observer.velocities()
     # A path that is planned before the first pose would be published twice.
-    wait_until(lambda: node.session.pose)
+    wait_until(lambda: node.robot.pose)
     node.move_robot(0.1, 0.0, 1.5)
     assert [move.count for move in listener.moves()] == [15]
     shown = [text for text in warnings if 'cannot show' in text]

@@ -302,14 +302,14 @@ def test_a_run_that_begins_at_the_moment_of_the_signal_is_stopped(nodes, shared)
 
 def test_one_process_guards_all_robots_of_a_context(make):
     first, second = (make(guardian=True) for _ in range(2))
-    process = first.session._guardian._process
-    assert second.session._guardian._process is process
+    process = first.robot.guardian._process
+    assert second.robot.guardian._process is process
     first.destroy_node()
     assert is_running(process._process.pid)
     second.destroy_node()
     assert not is_running(process._process.pid)
     third = make(guardian=True)
-    assert third.session._guardian._process is not process
+    assert third.robot.guardian._process is not process
 
 
 def test_a_guardian_that_cannot_leave_the_graph_ends_all_the_same(domain, shared):

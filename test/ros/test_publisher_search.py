@@ -14,6 +14,7 @@
 """The search for velocity publishers, which finds those that a new node would find late."""
 
 import contextlib
+from functools import partial
 import os
 import subprocess
 import sys
@@ -95,9 +96,9 @@ def domain():
 @pytest.fixture
 def connection(make):
     """Return how a node gets control of its robot, while a search has found a program."""
-    session = make(robot_timeout=5.0).session
-    session._discovery._guardian = Search()
-    return session._connection
+    robot = make(robot_timeout=5.0).robot
+    robot.discovery._guardian = Search()
+    return robot.connection
 
 
 class Search:
@@ -167,43 +168,43 @@ def test_nothing_is_sent_before_all_that_was_found_is_discovered(listener, conne
 
     end = time.monotonic() + 2.0  # a publisher is discovered within 3 s
     with pytest.raises(InterruptedError):
-        complete(connection.prepare, check)
+        complete([connection.prepare], check)
     assert not listener.received
 
 
 def test_a_publisher_that_has_left_keeps_nobody_waiting_for_long(
         listener, connection, monkeypatch):
     monkeypatch.setattr(robot_discovery, 'DISCOVERY_TIMEOUT', 0.3)
-    complete(connection.prepare, lambda: None)
+    complete([connection.prepare], lambda: None)
     assert listener.received
 
 
 def test_with_others_allowed_nobody_waits_for_them(listener, make):
-    session = make(allow_other_publishers=True).session
-    session._discovery._guardian = Search()
+    robot = make(allow_other_publishers=True).robot
+    robot.discovery._guardian = Search()
     began = time.monotonic()
-    complete(session._connection.prepare, lambda: None)
+    complete([robot.connection.prepare], lambda: None)
     assert time.monotonic() - began < robot_discovery.DISCOVERY_TIMEOUT
 
 
 def test_the_drive_waits_until_the_guardian_knows_the_robot(listener, make, monkeypatch):
     """The subscriber that it knows may be a tool on this machine, and not the robot."""
     monkeypatch.setattr(robot_discovery, 'DISCOVERY_TIMEOUT', 1.0)
-    session = make(allow_other_publishers=True).session
-    guardian = session._discovery._guardian = Search()
+    discovery = make(allow_other_publishers=True).robot.discovery
+    guardian = discovery._guardian = Search()
 
     def wait():
         began = time.monotonic()
-        session._discovery.wait_for_guardian(2.0, lambda: None)
+        complete([partial(discovery.wait_for_guardian, timeout=2.0)], lambda: None)
         return time.monotonic() - began
 
     with Listener() as other:
-        wait_until(lambda: session._discovery.subscriber_count == 2)
+        wait_until(lambda: discovery.subscriber_count == 2)
         robot, tool = ({own_participant(one._node)} for one in (listener, other))
         guardian.matched = tool
         assert 1.0 <= wait() < 1.7, 'without odometry, each of them may be the robot'
         listener._node.create_publisher(Odometry, 'odometry/odometry', 1)
-        wait_until(lambda: session._discovery._find_robot() == robot)
+        wait_until(lambda: discovery._find_robot() == robot)
         with pytest.raises(RobotNotFoundError, match='the guardian has not discovered the robot'):
             wait()
         guardian.matched = robot

@@ -41,8 +41,8 @@ END_OF_TWO = """
 import os, sys, time
 import rclpy
 from kachaka_simple_control import KachakaSimpleControl
-from kachaka_simple_control.ros.session import Session
-close, closed = Session.close, []
+from kachaka_simple_control.ros.commander import Commander
+close, closed = Commander.close, []
 
 def slow_close(self):
     if self not in closed:
@@ -51,7 +51,7 @@ def slow_close(self):
         time.sleep(0.5)
     close(self)
 
-Session.close = slow_close
+Commander.close = slow_close
 rclpy.init()
 nodes = [KachakaSimpleControl(namespace=name) for name in ('one', 'two')]
 """

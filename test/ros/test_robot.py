@@ -22,6 +22,7 @@ import weakref
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control import run_monitor
+from kachaka_simple_control.control.drive_loop import DriveLoop
 from kachaka_simple_control.control.processes import is_running
 from kachaka_simple_control.errors import (
     InvalidMotionError,
@@ -36,7 +37,8 @@ import pytest
 from waiting import wait_until
 
 with optional_imports():
-    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+    from std_srvs.srv import Trigger
     from topic_observer import ODOMETRY
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
@@ -111,7 +113,7 @@ def test_the_guardian_is_gone_before_the_robot_is_released(listener, make, monke
     """Its zero would take the robot again."""
     node = make(guardian=True)
     node.move_robot(0.1, 0.0, 0.2)
-    guardian, manual_control = node.session._guardian, node.session._manual_control
+    guardian, manual_control = node.robot.guardian, node.robot.connection.manual_control
     release, ran = manual_control.release, []
 
     def released(timeout):
@@ -179,7 +181,7 @@ def test_a_stop_ends_a_movement_that_still_waits_for_its_robot(make):
 def test_after_a_stop_before_the_first_velocity_none_is_sent(listener, make, after):
     node = make(prime_time=0.5)
     motion = Motion('test', (Move(0.1, 0.0, 1.0),))
-    request = node.session.request(elsewhere=True)
+    request = node.commander.request(elsewhere=True)
     ended = []
 
     def driven():
@@ -257,6 +259,32 @@ def test_a_movement_from_a_callback_of_its_own_is_refused(listener, make, own_ex
     assert not [velocity for velocity in listener.received if velocity.moves]
 
 
+def test_a_service_of_the_user_may_drive_where_a_thread_is_free(listener, make):
+    """Stop, pause and resume answer meanwhile."""
+    node, raised = make(), []
+
+    def go(request, response):
+        try:
+            node.move_robot(0.1, 0.0, 20.0)
+        except MotionRefusedError as error:
+            raised.append(str(error))
+        return response
+
+    node.create_service(Trigger, '~/go', go)
+    executor = MultiThreadedExecutor(4)
+    executor.add_node(node)
+    threading.Thread(target=executor.spin, daemon=True).start()
+    going = threading.Thread(target=listener.call, args=('go',))
+    going.start()
+    listener.wait_for(lambda velocity: velocity.moves)
+    for name in ('pause', 'resume', 'stop'):
+        assert listener.call(name).success
+    going.join(5.0)
+    assert raised == ['the movement was ended by ~/stop']
+    assert not listener.received[-1].moves
+    executor.shutdown()
+
+
 def test_manual_control_is_renewed_while_it_moves(listener, make, monkeypatch):
     """In simulated minutes: what takes 40 s on a robot takes 0.4 s here."""
     monkeypatch.setattr(run_monitor, 'LEASE_RENEW_AT_REST', 0.2)
@@ -330,7 +358,7 @@ def test_manual_control_is_not_taken_from_another_program_that_drives(listener, 
 def test_a_closed_node_moves_no_more(listener, make):
     node = make()
     node.move_robot(0.1, 0.0, 0.2)
-    node.session.close()
+    node.commander.close()
     count = len(listener.received)
     with pytest.raises(MotionRefusedError, match='ended: nothing is driven'):
         node.move_robot(0.1, 0.0, 0.2)
@@ -344,12 +372,12 @@ def test_a_stop_that_failed_is_logged_beside_the_error_of_the_drive(
     node = make()
 
     def fail(*_):
-        monkeypatch.setattr(node.session.gate, 'send_zero', gone)
+        monkeypatch.setattr(node.robot.gate, 'send_zero', gone)
         raise RunFaultError('a fault in mid-motion')
 
-    def gone(_):
+    def gone(*_, **__):
         raise OSError('publisher gone')
-    monkeypatch.setattr(node.session._loop, 'run', fail)
+    monkeypatch.setattr(DriveLoop, 'run', fail)
     with pytest.raises(RunFaultError, match='a fault in mid-motion'):
         node.move_robot(0.1, 0.0, 0.2)
     monkeypatch.undo()
@@ -365,7 +393,7 @@ OFF_PLAN = pytest.mark.parametrize('step, text', [
 def test_a_robot_that_ends_off_its_plan_is_said_to(listener, observer, make, capfd, step, text):
     observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')  # as if it stood still
     node = make()
-    assert wait_until(lambda: node.session.pose is not None)
+    assert wait_until(lambda: node.robot.pose is not None)
     node.run([step])
     node.stop_robot()
     assert capfd.readouterr().err.count(
@@ -378,10 +406,10 @@ def test_a_robot_that_ends_off_its_plan_is_said_to(listener, observer, make, cap
 def test_within_lets_such_a_drive_fail(listener, observer, make, step, text):
     observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')
     node = make(within='5cm,4deg')
-    assert wait_until(lambda: node.session.pose is not None)
+    assert wait_until(lambda: node.robot.pose is not None)
     with pytest.raises(RunFaultError, match=f'{text} from .*, more than 5 cm or 4 deg$'):
         node.run([step])
-    assert node.session.robot_drive.progress.ended_by is not None
+    assert node.robot.drive.progress.ended_by is not None
     node.run([Forward(0.04)])  # within 5 cm
     node.move_robot(0.0, 0.0, 0.2)
 

@@ -32,7 +32,7 @@ ODOMETRY_WARN_AGE = 1.0
 
 
 @dataclass(frozen=True)
-class SessionStatus:
+class RobotStatus:
     """
     The state of the connection with a robot at one time, for diagnostics.
 
@@ -77,10 +77,10 @@ class StatusReader:
         """Return the progress of the newest motion: how far it has come and whether it is over."""
         return self._drive.progress
 
-    def read(self, now: float) -> SessionStatus:
+    def read(self, now: float) -> RobotStatus:
         """Return the current state of the connection with the robot, for diagnostics."""
         stopped_by = self._stopped_by()
-        return SessionStatus(
+        return RobotStatus(
             subscriber_count=self._discovery.subscriber_count,
             other_publishers=tuple(self._discovery.other_publishers()),
             guardian=_guardian(self._guardian),
@@ -98,7 +98,7 @@ def _guardian(guardian: Guardian | NullGuardian) -> str:
     return 'matched' if guardian.is_matched else 'not matched yet'
 
 
-def diagnose(progress: RunProgress, status: SessionStatus) -> Diagnosis:
+def diagnose(progress: RunProgress, status: RobotStatus) -> Diagnosis:
     """Return a diagnosis of the drive: OK, a warning or an error, with named values."""
     state = 'stopped permanently' if status.stopped_by is not None else progress.state.value
     level, message = _worst(progress, status, state)
@@ -118,7 +118,7 @@ def diagnose(progress: RunProgress, status: SessionStatus) -> Diagnosis:
     })
 
 
-def _worst(progress: RunProgress, status: SessionStatus, state: str) -> tuple[Level, str]:
+def _worst(progress: RunProgress, status: RobotStatus, state: str) -> tuple[Level, str]:
     if status.stopped_by is not None:
         return Level.ERROR, f'stopped permanently: {status.stopped_by}'
     if status.guardian.startswith('stopped'):

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Statistics of ticks and steps, and the diagnosis made of them and of a session's status."""
+"""Statistics of ticks and steps, and the diagnosis made of them and of a robot's status."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from optional_libraries import MISSING, optional_imports
 from plans import ABRUPT
 import pytest
 
-SessionStatus = MISSING
+RobotStatus = MISSING
 with optional_imports():
-    from kachaka_simple_control.ros.session_status import diagnose, SessionStatus
+    from kachaka_simple_control.ros.robot_status import diagnose, RobotStatus
 
 pytestmark = pytest.mark.needs('rclpy')
 
-IN_ORDER = SessionStatus(
+IN_ORDER = RobotStatus(
     subscriber_count=1, other_publishers=(), guardian='matched', odometry_age=0.02,
     manual_control='requested 3 s ago', speed='full speed', stopped_by=None)
 
@@ -42,7 +42,7 @@ DRIVING = RunProgress('on', PLAN, began=100.0, plan_time=0.5)
 
 
 def diagnosis_of(progress=NONE, **changes):
-    """Return the diagnosis of a session in order but for some changes."""
+    """Return the diagnosis of a robot in order but for some changes."""
     return diagnose(progress, dataclasses.replace(IN_ORDER, **changes))
 
 

@@ -1,0 +1,108 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+A drive of one or more robots: all get ready, then all begin at one t = 0, or none moves.
+
+Tested by test/ros/test_robot.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import contextlib
+from dataclasses import dataclass
+from functools import partial
+import time
+
+from kachaka_simple_control.control.drive_loop import DriveLoop, old_objects_frozen
+from kachaka_simple_control.control.preparation import complete
+from kachaka_simple_control.control.tick_scheduler import VelocitySource
+from kachaka_simple_control.control.velocity_gate import PortTime
+from kachaka_simple_control.errors import control_error, ControlError
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.ros.robot import Robot
+
+
+@dataclass(frozen=True)
+class RobotTask:
+    """
+    What one robot does in a drive.
+
+    :param period: the normal time between two velocities [s]
+    :param corrected: the limits of corrected velocities; None without a closed loop
+    """
+
+    robot: Robot
+    source: VelocitySource
+    period: float
+    corrected: Limits | None = None
+
+
+class Drive:
+    """Drives robots in the calling thread, and leaves them at rest."""
+
+    def __init__(self, tasks: Sequence[RobotTask]) -> None:
+        self._tasks = tasks
+
+    def run(self) -> None:
+        """
+        Get ready, drive, and stop.
+
+        :raises ControlError: if there is no control of a robot, or the drive ended early
+        """
+        try:
+            complete([partial(task.robot.prepare, is_closed_loop=task.corrected is not None)
+                      for task in self._tasks], self._check)
+            with old_objects_frozen():
+                self._loop()
+            complete([partial(task.robot.complete, period=task.period) for task in self._tasks])
+        except BaseException as error:
+            # KeyboardInterrupt and SystemExit as well: the robots must stop in every case.
+            ended = self._end_early(error)
+            if ended is error:
+                raise
+            raise ended from error
+        for task in self._tasks:
+            task.robot.finish()
+
+    def _check(self) -> None:
+        for task in self._tasks:
+            task.robot.require_wanted()
+
+    def _loop(self) -> None:
+        loop, port_time = DriveLoop(), PortTime()
+        for task in self._tasks:
+            gate = task.robot.gate
+            gate.port_time, gate.wake = port_time, partial(loop.wake, task.robot.drive)
+        t0 = time.monotonic()
+        for task in self._tasks:
+            task.robot.begin(task.source, t0, task.period, task.corrected)
+        loop.run([task.robot.drive for task in self._tasks])
+
+    def _end_early(self, error: BaseException) -> BaseException:
+        """Stop all robots after an error; return the one to raise, or that of a guardian."""
+        robots = [task.robot for task in self._tasks]
+        failures = stop_all(robots, control_error(error))
+        ended = [robot.end_early(error, failure) for robot, failure in zip(robots, failures)]
+        return next((one for one in ended if one is not error), error)
+
+
+def stop_all(robots: Sequence[Robot], reason: ControlError) -> list[str | None]:
+    """Stop robots: first a zero to each, then all others; return why each stop has failed."""
+    for robot in robots:
+        # Another program may drive a robot that this one has stopped.
+        if not robot.stopper.is_stopped:
+            with contextlib.suppress(Exception):  # the steps below say why it could not be sent
+                robot.drive.end(reason)
+    return complete([partial(robot.stopper.steps, reason=reason) for robot in robots])

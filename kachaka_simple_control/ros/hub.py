@@ -1,0 +1,76 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What the robots of a node share.  Tested by test/ros/test_robot.py."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import threading
+
+from kachaka_simple_control.control.events import Event
+from kachaka_simple_control.control.stop import LateStops
+from kachaka_simple_control.errors import ControlError
+from kachaka_simple_control.ros.executors import BackgroundExecutor
+from kachaka_simple_control.ros.odometry import OdometryReader, OdometryThread
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
+
+
+class Hub:
+    """
+    What the robots of a node share: threads, and what has stopped them for good.
+
+    :param publish: puts an event into a queue, and returns at once
+    :ivar on_error: called, in any thread, with what a callback has raised
+    """
+
+    def __init__(self, node: Node, publish: Callable[[Event], None]) -> None:
+        self.node, self.publish = node, publish
+        self.on_error: Callable[[BaseException], None] = lambda _: None
+        self.executor = BackgroundExecutor(node, self._report)
+        self.late_stops = LateStops()
+        self.odometry_group = MutuallyExclusiveCallbackGroup()
+        self.readers: Sequence[OdometryReader] = ()
+        self._odometry: OdometryThread | None = None
+        #: why no robot may move again: the first reason given; None while they may move
+        self.stopped_by: ControlError | None = None
+        self._is_stopped = threading.Event()
+
+    def start_odometry(self, readers: Sequence[OdometryReader]) -> None:
+        """Start to receive the odometry of all robots; call this once."""
+        self.readers = readers
+        if readers:
+            self._odometry = OdometryThread(self.node, readers, self._report)
+
+    def close(self) -> None:
+        """End the threads."""
+        self.executor.stop()
+        self.late_stops.close()
+        if self._odometry is not None:
+            self._odometry.stop()
+
+    def _report(self, error: BaseException) -> None:
+        self.on_error(error)
+
+    def stop_permanently(self, reason: ControlError) -> None:
+        """Let no robot move again; for any thread."""
+        self.stopped_by = self.stopped_by or reason
+        self._is_stopped.set()
+
+    def serve_until_stopped(self) -> None:
+        """Run callbacks in the thread for them until no robot may move again."""
+        self.executor.ensure_spinning()
+        # Do not serve them in this thread: if a signal interrupts rclpy while it creates a message
+        # for a callback, a TypeError is raised, and the node's callbacks stay blocked.
+        self._is_stopped.wait()
