@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-import atexit
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 import os
@@ -30,62 +29,36 @@ if __name__ == '__main__':
     sys.path[0] = __file__.rpartition('/kachaka_simple_control/')[0] or '..'
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
-from kachaka_simple_control.control.closing import Closers
 from kachaka_simple_control.control.drive_requests import DriveRequest
-from kachaka_simple_control.control.events import SpeedFactorChanged
-from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
-from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.speed_factor import SpeedFactor
-from kachaka_simple_control.control.timing import DISCOVERY_TIMEOUT, MAX_LATENESS, rate_problem
+from kachaka_simple_control.control.timing import MAX_LATENESS, rate_problem
 from kachaka_simple_control.errors import (
     RobotMovedError,
-    RunFaultError,
     UsageError,
 )
-from kachaka_simple_control.files.robot_profile import ANY_TYPE
 from kachaka_simple_control.kachaka.bridge_process import OwnSimulation
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.motion.steps import Motion, Move, Step
 from kachaka_simple_control.motion.units import require_number
-from kachaka_simple_control.ros.commander import Commander
 from kachaka_simple_control.ros.dds_transport import start_on_this_machine, use_udp_transport
-from kachaka_simple_control.ros.drive_services import DriveServices
-from kachaka_simple_control.ros.executors import before_shutdown
-from kachaka_simple_control.ros.hub import Hub
-from kachaka_simple_control.ros.introspection import IntrospectionPublishers
-from kachaka_simple_control.ros.names import INTROSPECTION_TOPICS, names_of
+from kachaka_simple_control.ros.drive_node import DriveNode
 from kachaka_simple_control.ros.node_parameters import require_no_parameter
-from kachaka_simple_control.ros.odometry import subscribe_to_odometry
-from kachaka_simple_control.ros.parameters import declare_parameters, warn_of_unknown
-from kachaka_simple_control.ros.robot import Robot
-from kachaka_simple_control.ros.signal_handler import NodeSignalHandler
-from kachaka_simple_control.ros.startup import check_node_names, ensure_started, one_line_errors
-from kachaka_simple_control.ros.velocity_publisher import taken_type, VelocityPublisher
+from kachaka_simple_control.ros.parameters import warn_of_unknown
 from kachaka_simple_control.run_command import run_command
-from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.event_file import EventFile
 from kachaka_simple_control.text import escaped, pluralize, quoted
 import rclpy
-from rclpy.node import Node
 import rclpy.signals
 
 if TYPE_CHECKING:
     from kachaka_simple_control.files.motion_file import MotionFile
 
 NAME = 'kachaka_simple_control'
-#: The node's own services, in addition to the services of every node.
-SERVICES = ('~/stop', '~/run', '~/pause', '~/resume')
 
 
-#: All nodes, so that their robots stop at the same time when the program ends.
-_nodes = Closers()
-# Called at import, because a script may fail before it creates a node.
-signal_dispatcher.handle_uncaught()
-
-
-class KachakaSimpleControl(Node):
+class KachakaSimpleControl(DriveNode):
     """
     Drives a robot with exactly timed velocities, and stops it at the end.
 
@@ -94,10 +67,9 @@ class KachakaSimpleControl(Node):
     Positive ``linear_x`` is forward [m/s], positive ``angular_z`` turns left [rad/s] (REP-103).
     The robot is stopped before the program ends, also after a signal or an exception.
 
-    :ivar event_bus: passes the events of each drive, such as sent velocities, to displays and logs
     :ivar robot: what this node has for its robot; for internal use in this package
-    :ivar commander: drives, stops, pauses and resumes; for internal use in this package
-    :ivar drive_services: the services of this node; for internal use in this package
+    :ivar profile: what is known of the robot, such as its limits
+    :ivar node_parameters: the values of the parameters at the start
     :ivar publisher: the publisher of velocities, for inspection only; its ``publish()`` always
         raises an error
     """
@@ -122,84 +94,29 @@ class KachakaSimpleControl(Node):
             start_on_this_machine(self)
             parameter_defaults = {'summary': True, **(parameter_defaults or {})}
         self._simulation: OwnSimulation | None = None
-        warnings = ensure_started(node_options.get('context'))
-        make_log_nonblocking()
-        with one_line_errors(NAME):
-            super().__init__(NAME, **node_options)
-        for warning in warnings:
-            self.get_logger().warning(warning)
+        self._event_file: EventFile | None = None
+        super().__init__(NAME, {'': parameter_defaults or {}}, **node_options)
         try:
-            self._set_up(parameter_defaults or {}, sim)
+            self._add_parts(sim)
         except BaseException:
-            if hasattr(self, 'commander'):
-                self.commander.close()
-            elif hasattr(self, '_hub'):
-                self._hub.close()
-                self.event_bus.close()
-            # A remaining publisher would be mistaken for another driving program.
-            super().destroy_node()
+            self.destroy_node()
             raise
-        self.get_logger().info('Robot control node has started')
-        for calibration, what in ((self.profile.calibration, 'Calibrated'),
-                                  (self.profile.odometry_calibration, 'Odometry calibrated')):
-            if calibration is not None:
-                self.get_logger().info(f'{what}: {escaped(calibration.describe())}')
+        self.log_start()
 
-    def _set_up(self, defaults: Mapping[str, Any], sim: bool) -> None:
-        self.profile, self.node_parameters = declare_parameters(self, defaults)
+    def _add_parts(self, sim: bool) -> None:
         if type(self) is KachakaSimpleControl:  # another class may declare more of them
-            warn_of_unknown(self)
-        self.robot_names = names_of(
-            self.profile, self.node_parameters.robot_namespace,
-            self.node_parameters.manual_control)
-        check_node_names(self, self.robot_names, INTROSPECTION_TOPICS, SERVICES)
-        if self.profile.message_type == ANY_TYPE:
-            self._take_type_of_robot()
-        self.publisher = VelocityPublisher(
-            self, self.robot_names.velocity, self.profile.message_type, self.profile.frame)
-        self._introspection = IntrospectionPublishers(self, self.publisher, self.profile)
-        self.event_bus = EventBus(self.get_logger().warning)
-        hub = self._hub = Hub(self, self.event_bus.publish)
-        parameters, reader = self.node_parameters, None
-        if (parameters.summary or parameters.odometry_timeout or parameters.closed_loop
-                or parameters.within):
-            reader = subscribe_to_odometry(
-                self, self.robot_names, hub.odometry_group, self._introspection.set_frame)
-            for what, is_wanted in (
-                    ('a closed loop', parameters.closed_loop), ('within', parameters.within)):
-                if is_wanted and reader is None:
-                    raise UsageError(f'{what} needs odometry, ' + (
-                        'and nav_msgs is not installed' if self.robot_names.odometry
-                        else f'and profile {self.profile.name} names none'))
-        self.robot = Robot(
-            hub, self.publisher, self.profile, self.robot_names, self.node_parameters)
-        self.commander = Commander(hub, self.robot)
-        if reader is not None:
-            reader.on_odometry = self.robot.on_odometry
-            hub.start_odometry([reader])
+            warn_of_unknown(self, self.robots)
+        self.robot = self.robots['']
+        self.profile, self.node_parameters = (
+            self.robot.settings.profile, self.robot.settings.parameters)
+        self.publisher = self.robot.publisher
         if sim:
             self._simulation = OwnSimulation(
                 self.profile, self.node_parameters.robot_namespace)
             self.robot.discovery.require_participant(self._simulation.require_participant)
-        self._event_file = EventFile() if self.node_parameters.summary else None
-        if self._event_file is not None:
+        if self.node_parameters.summary:
+            self._event_file = EventFile()
             self.event_bus.subscribe(self._event_file.send)
-        self._introspection.attach(self.event_bus, self.robot.status_reader)
-        self.speed.on_change = self._on_speed_factor
-        self.drive_services = DriveServices(
-            self, self.commander, self.node_parameters.speed_factor)
-        self._signal_handler = NodeSignalHandler(self, self.commander)
-        self._stop_on_every_exit()
-
-    def _take_type_of_robot(self) -> None:
-        # Here, not at the first movement: guardian, recording and topics are made for one type.
-        found = taken_type(
-            self, self.robot_names.velocity,
-            min(self.node_parameters.robot_timeout, DISCOVERY_TIMEOUT))
-        self.profile = replace(self.profile, message_type=found or 'Twist')
-        how = 'as its subscriber takes' if found else 'for nobody subscribes yet'
-        self.get_logger().info(
-            f'Sending {self.profile.message_type} on {self.robot_names.velocity}, {how}')
 
     def move_robot(self, linear_x: float, angular_z: float, duration: float) -> None:
         """
@@ -221,9 +138,9 @@ class KachakaSimpleControl(Node):
         step = Move(linear_x, angular_z, duration)
         # Checked here, because the planner's error would name a step that the caller cannot know.
         self.profile.planning_limits.check(step.velocity)
-        self.commander.drive(DriveOrder.of(
+        self.commander.drive({self.robot: DriveOrder.of(
             Motion('move_robot', (step,)), self.profile.planning_limits,
-            self.node_parameters.rate))
+            self.node_parameters.rate)})
         self.get_logger().info('Robot has stopped')
         self.get_logger().info(
             f'Movement completed: Forward={linear_x}, Rotation={angular_z}, '
@@ -285,7 +202,8 @@ class KachakaSimpleControl(Node):
         :raises InvalidMotionError: if the robot cannot drive the motion; nothing has moved
         :raises ControlError: if the motion could not be completed; the robot was stopped
         """
-        driven, name = self.commander.drive(order, request), escaped(order.motion.name)
+        self.commander.drive({self.robot: order}, request)
+        driven, name = order.plan, escaped(order.motion.name)
         self.get_logger().info(
             f'Motion completed: {name}, {pluralize(len(driven.steps), "step")}, '
             f'{driven.duration:.3f} seconds{self._delay(driven)}')
@@ -394,23 +312,7 @@ class KachakaSimpleControl(Node):
         The value is None before the first stop, if odometry still shows motion, and without
         odometry.
         """
-        return self.robot.stop_confirmed_after
-
-    def destroy_node(self) -> None:
-        """
-        Stop the robot, release it for other programs, and destroy the node.
-
-        :raises RunFaultError: if the table of a simulated robot cannot be printed
-        """
-        try:
-            self._close()
-        finally:
-            self._introspection.close()
-            signal_dispatcher.unregister(self._signal_handler)
-            _nodes.remove(self.commander.close)
-            self._allow_shutdown()
-            atexit.unregister(self._close_at_exit)
-            super().destroy_node()
+        return self.robot.stopper.confirmed_after
 
     def _delay(self, driven: Plan) -> str:
         """
@@ -424,51 +326,17 @@ class KachakaSimpleControl(Node):
         is_delayed = took > driven.duration + driven.period + MAX_LATENESS
         return f' planned, driven in {took:.3f}' if is_delayed else ''
 
-    def _on_speed_factor(self, now: float, factors: Mapping[str, float]) -> None:
-        self.event_bus.publish(SpeedFactorChanged(now, dict(factors)))
-
-    def _stop_on_every_exit(self) -> None:
-        # rclpy's handlers would shut the context down before the stop could be published.
-        rclpy.signals.uninstall_signal_handlers()
-        if not signal_dispatcher.register(self._signal_handler):
-            self.get_logger().warning(
-                'Made outside the main thread, this node does not receive signals: make it in the '
-                'main thread, or call stop_robot() on the way out')
-        signal_dispatcher.reinstall()
-        _nodes.add(self.commander.close, self.context)
-        self._allow_shutdown = before_shutdown(self.context, self._release)
-        # atexit calls in reverse order, so the robot is released first.
-        atexit.unregister(_discard_if_stopped)
-        atexit.register(_discard_if_stopped)
-        atexit.register(self._close_at_exit)
-
-    def _release(self) -> None:
-        """Stop and release the robots of all nodes of this context, before it shuts down."""
-        _nodes.close_all(self.context)
-        self.commander.close()
-        self.event_bus.flush()
-
-    def _close_at_exit(self) -> None:
-        """Stop and release the robots of all nodes, then close this node; called at exit."""
-        _nodes.close_all()
-        try:
-            self._close()
-        except RunFaultError as error:  # a traceback would be printed
-            print(f'{NAME}: {escaped(error)}', file=sys.stderr)
-
     def _close(self) -> None:
-        """Stop and release the robot, and end the simulated robot, if any; once."""
-        self.commander.close()
-        self.event_bus.close()
+        """
+        Stop and release the robot, and end the simulated robot, if any; once.
+
+        :raises RunFaultError: if the table of a simulated robot cannot be printed
+        """
+        super()._close()
         if self._event_file is not None:
             self._event_file.close()
         if self._simulation is not None:
             self._simulation.end(self.drive_log, self.stop_confirmed_after)
-
-
-def _discard_if_stopped() -> None:
-    if signal_dispatcher.signum is not None:
-        discard_unread()
 
 
 def play_lesson(robot_control: KachakaSimpleControl) -> None:

@@ -157,7 +157,7 @@ def drive():
 
 wait_for_go()
 threading.Thread(target=drive, daemon=True).start()
-node.commander.drive_source('by hand', hand, 0.05)
+node.commander.drive_source(node.robot, 'by hand', hand, 0.05)
 """
 
 #: Drives by hand; the commands end without a zero.

@@ -103,8 +103,7 @@ def drive(options: Options) -> DriveLog:
                 options, motion_file, robot_control.node_parameters, robot_control.profile)
             robot_control.event_bus.publish(session_started(
                 robot_control, _title(options, motion_file),
-                robot_control.profile, robot_control.robot_names, robot_control.node_parameters,
-                command=options.command,
+                robot_control.robot.settings, command=options.command,
                 has_keys=bool(keys) and terminal.is_keyboard(),
                 movement_count=_count_movements() if motion_file is None else None,
                 motion_source='' if motion_file is None else motion_file.source,

@@ -164,7 +164,7 @@ class RemoteCommands:
         newest, written = None, -math.inf
         while not self._is_over:
             time.sleep(REMOTE_REPORT_PERIOD)
-            progress = self._commander.state
+            [progress] = self._commander.states()
             self._write_more(progress)
             state = self._state(progress)
             if (info := self._info) is not None:

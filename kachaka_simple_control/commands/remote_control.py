@@ -223,7 +223,8 @@ class RemoteControl(RemoteCommands):
             if not self._jobs.empty():  # a motion was commanded meanwhile
                 hand.end()
         try:
-            self._commander.drive_source('by hand', hand, HAND_PERIOD, request)
+            self._commander.drive_source(
+                self._robot, 'by hand', hand, HAND_PERIOD, request)
         except ControlError as error:
             self._on_failure(error)
         finally:

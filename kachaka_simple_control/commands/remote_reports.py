@@ -110,7 +110,7 @@ class ReportWriter:
         limits, footprint = profile.planning_limits, profile.footprint
         return {
             'robot': profile.name, 'topic': robot_control.publisher.topic_name,
-            'has_odometry': robot_control.robot_names.odometry is not None,
+            'has_odometry': robot_control.robot.settings.names.odometry is not None,
             'max_linear_velocity': limits.max_linear_velocity,
             'max_backward_velocity': limits.backward_velocity,
             'max_angular_velocity': limits.max_angular_velocity,

@@ -86,6 +86,8 @@ class DriveLoop:
         self._sleeper: Sleeper | None = Sleeper()
         self._sleep = sleep or self._sleeper.sleep
         self._woken: deque[RobotDrive] = deque()
+        #: the drive whose error ended all; None before
+        self.failed: RobotDrive | None = None
 
     def wake(self, drive: RobotDrive) -> None:
         """Make ``run`` call a drive at once, ended or with a new velocity; for any thread."""
@@ -128,6 +130,7 @@ class DriveLoop:
                     then = drives[number].step(self._clock())
                 except Exception as error:
                     if on_failure is None:
+                        self.failed = drives[number]
                         raise
                     drives[number].end(control_error(error))
                     on_failure(drives[number], error)

@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 import threading
 import time
@@ -62,55 +62,53 @@ class DriveRequests:
     period after the one before was complete.
     """
 
-    def __init__(
-            self, gates: Iterable[VelocityGate],
-            clock: Callable[[], float] = time.monotonic) -> None:
-        self._gates = tuple(gates)
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._busy = threading.Lock()
-        self._newest: DriveRequest | None = None
+        self._lock = threading.Lock()
+        self._newest: dict[VelocityGate, DriveRequest] = {}
 
-    @property
-    def is_busy(self) -> bool:
-        """Whether a drive was accepted and has not ended yet."""
-        return self._busy.locked()
+    def is_busy(self, gates: Iterable[VelocityGate]) -> bool:
+        """Return whether a drive of one of the robots was accepted and has not ended yet."""
+        return any(gate in self._newest and not self._newest[gate].is_over for gate in gates)
 
-    def accept(self) -> DriveRequest:
+    def accept(self, gates: Sequence[VelocityGate]) -> DriveRequest:
         """
         Accept a new drive; the caller has to call ``finish`` when it has ended.
 
-        :raises ControlError: if another drive is under way, or another thread has stopped the
-            series
+        :raises ControlError: if another drive of one of the robots is under way, or another thread
+            has stopped the series
         """
-        if not self._busy.acquire(blocking=False):
-            raise MotionRunningError('a motion is running already; wait for its end, or stop it')
-        request = DriveRequest({gate: gate.prepare() for gate in self._gates})
-        previous, self._newest = self._newest, request
+        with self._lock:
+            if self.is_busy(gates):
+                raise MotionRunningError(
+                    'a motion is running already; wait for its end, or stop it')
+            request = DriveRequest({gate: gate.prepare() for gate in gates})
+            before = [self._newest[gate] for gate in gates if gate in self._newest]
+            self._newest.update(dict.fromkeys(gates, request))
         # The order matters.  A stop at this moment finds either the new run or the previous
-        # request.  So check the previous request only after the run was prepared.
-        if (previous is not None and previous.stopped_by is not None
-                and self._continues(previous, request)):
-            self.finish(request, is_complete=False)
-            raise previous.stopped_by
+        # request.  So check the previous requests only after the run was prepared.
+        for previous in before:
+            if previous.stopped_by is not None and self._continues(previous, request):
+                self.finish(request, is_complete=False)
+                raise previous.stopped_by
         return request
 
     def finish(self, request: DriveRequest, is_complete: bool) -> None:
         """Record that a drive has ended, at its planned end or early."""
         request.ended, request.is_over = self._clock() if is_complete else None, True
-        self._busy.release()
 
-    def on_stop(self, reason: ControlError) -> None:
+    def on_stop(self, reason: ControlError, gates: Iterable[VelocityGate]) -> None:
         """
-        Record that the calling thread stops the robot; call this before the drive is cancelled.
+        Record that the calling thread stops robots; call this before their drives are cancelled.
 
         A thread may stop its own drive and then drive again: that is not recorded.
 
         :param reason: what ``accept`` raises if the series goes on
         """
-        newest = self._newest
-        # A thread that stops its own drive may drive again.
-        if newest is not None and newest.thread != threading.get_ident():
-            newest.stopped_by = newest.stopped_by or reason
+        for newest in [self._newest[gate] for gate in gates if gate in self._newest]:
+            # A thread that stops its own drive may drive again.
+            if newest.thread != threading.get_ident():
+                newest.stopped_by = newest.stopped_by or reason
 
     def _continues(self, previous: DriveRequest, request: DriveRequest) -> bool:
         return (previous.ended is not None and previous.thread == request.thread

@@ -34,6 +34,7 @@ from kachaka_simple_control.control.guardian_memory import (
     RobotSlot,
     SharedFlag,
 )
+from kachaka_simple_control.control.preparation import Moment, Steps, until
 from kachaka_simple_control.control.processes import boottime, call_in_forked_children
 from kachaka_simple_control.control.timing import (
     GUARDIAN_EXIT_TIMEOUT,
@@ -77,7 +78,11 @@ class NullGuardian:
     def heartbeat(self) -> None:
         """Do nothing, because there is no guardian: no separate process checks heartbeats."""
 
-    report_stopping = report_stopped = shutdown = heartbeat
+    report_stopping = report_stopped = heartbeat
+
+    def leave(self, _: Moment) -> Steps[None]:
+        """Do nothing, because there is no guardian that sends to the robot."""
+        yield from ()
 
 
 class Guardian:
@@ -170,13 +175,13 @@ class Guardian:
         """Report that all zeros of a stop were sent: the guardian need not stop the robot now."""
         self._report(GuardianMessage.STOPPED)
 
-    def shutdown(self) -> None:
+    def leave(self, moment: Moment) -> Steps[None]:
         """
         End the guardian's work for this robot, and wait until it can no longer send.
 
         It first stops the robot if ``report_stopped`` was not called after the last drive.
         """
-        self._process.remove(self)
+        yield from self._process.remove(self, moment)
 
     def detach(self) -> None:
         """Go on with a copy of the robot's slot: the guardian has left the robot."""
@@ -289,7 +294,7 @@ class GuardianProcess:
                 return None
             return guardian
 
-    def remove(self, guardian: Guardian) -> None:
+    def remove(self, guardian: Guardian, moment: Moment) -> Steps[None]:
         """
         End the guardian's work for one robot; after the last robot, end the guardian process.
 
@@ -303,7 +308,8 @@ class GuardianProcess:
         # It reports its participant when it has started.
         if len(self._guardians) > 1 and not self.participants:
             timeout += GUARDIAN_START_TIMEOUT
-        if not guardian.has_left.wait(timeout):
+        if not (yield from until(
+                moment, guardian.has_left.is_set, 'the guardian', timeout)):
             self._process.kill()
         guardian.detach()
         with self._adding:

@@ -80,8 +80,8 @@ class BridgeNode(Node):
         with one_line_errors(NODE):
             super().__init__(NODE, namespace=namespace, start_parameter_services=False)
         check_node_names(
-            self, RobotNames(
-                KACHAKA.velocity_topic, KACHAKA.odometry_topic, KACHAKA.manual_control_service),
+            self, [RobotNames(
+                KACHAKA.velocity_topic, KACHAKA.odometry_topic, KACHAKA.manual_control_service)],
             (*ODOMETRY_TOPICS[1:], DIAGNOSTICS, BATTERY), ())
         self._claim = RobotClaim(
             self, self.resolve_topic_name(KACHAKA.velocity_topic), 'bridge', on_conflict)

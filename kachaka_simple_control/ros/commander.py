@@ -19,8 +19,9 @@ Tested by test/ros/test_commander.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 import contextlib
+from functools import partial
 import threading
 import time
 
@@ -31,13 +32,14 @@ from kachaka_simple_control.control.drive_requests import (
     ResumeConfirmation,
 )
 from kachaka_simple_control.control.events import MotionPlanned
+from kachaka_simple_control.control.preparation import complete, Moment, Steps
 from kachaka_simple_control.control.robot_drive import RunProgress
 from kachaka_simple_control.control.speed_factor import MOVED, OVERRIDE, PAUSE
 from kachaka_simple_control.control.tick_scheduler import TickScheduler, VelocitySource
 from kachaka_simple_control.control.timing import RESUME_CONFIRM_TIMEOUT, RESUME_QUIET_TIME
+from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.motion.drive_order import DriveOrder
-from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.ros.drive import Drive, RobotTask
+from kachaka_simple_control.ros.drive import Drive, RobotTask, stop_all
 from kachaka_simple_control.ros.hub import Hub
 from kachaka_simple_control.ros.robot import Robot
 from kachaka_simple_control.text import escaped
@@ -50,19 +52,19 @@ PARAMETER = 'speed_factor'
 
 class Commander:
     """
-    Drives the robot of a node, and stops, pauses, resumes and slows it down.
+    Drives the robots of a node, and stops, pauses, resumes and slows them down.
 
-    Python code, services, keys, pipe and console call the methods, from any thread.  A refused
-    request raises an error; the text that most methods return tells the user what was done.
+    Python code, services, keys, pipe and console call the methods, from any thread.  ``robots``
+    are those of the node that are meant; None for all.  A refused request raises an error; the
+    text that most methods return tells the user what was done.
     """
 
-    def __init__(self, hub: Hub, robot: Robot) -> None:
-        self._hub, self._robot = hub, robot
+    def __init__(self, hub: Hub, robots: Sequence[Robot]) -> None:
+        self._hub, self._robots = hub, robots
         self._logger = hub.node.get_logger()
         hub.on_error = self._on_callback_error
-        self._requests = DriveRequests([robot.gate])
-        self._factor = robot.speed_factor
-        #: how often somebody has paused or set the speed so far
+        self._requests = DriveRequests()
+        #: how often somebody has paused or set a speed so far
         self.changes = 0
         # Reentrant: to set the parameter calls back in the same thread.
         self._changing = threading.RLock()
@@ -70,23 +72,23 @@ class Commander:
         self._closing = threading.Lock()
         self._is_closed = False
 
-    @property
-    def state(self) -> RunProgress:
-        """Return the progress of the newest motion: how far it has come and whether it is over."""
-        return self._robot.drive.progress
+    def states(self, robots: Sequence[Robot] | None = None) -> list[RunProgress]:
+        """Return the progress of the newest motion of each robot."""
+        return [robot.drive.progress for robot in self._chosen(robots)]
 
-    @property
-    def is_driving(self) -> bool:
-        """Whether a drive was requested and is not over; it may still wait for the robot."""
-        return self._requests.is_busy
+    def is_driving(self, robots: Sequence[Robot] | None = None) -> bool:
+        """Return whether one drives, or waits to be ready for a drive."""
+        return self._requests.is_busy(_gates(self._chosen(robots)))
 
     @property
     def is_stopped_permanently(self) -> bool:
-        """Whether a signal or the guardian has stopped the robot, so that no motion may start."""
-        return (self._hub.stopped_by is not None
-                or self._robot.guardian.stopped_because is not None)
+        """Whether a signal or the guardian has stopped a robot, so that no motion may start."""
+        return self._hub.stopped_by is not None or any(
+            robot.guardian.stopped_because is not None for robot in self._robots)
 
-    def request(self, elsewhere: bool = False) -> DriveRequest:
+    def request(
+            self, robots: Collection[Robot] | None = None,
+            elsewhere: bool = False) -> DriveRequest:
         """
         Request a drive, so that a stop ends it even before ``drive`` runs.
 
@@ -96,33 +98,39 @@ class Commander:
         """
         if (reason := self._hub.stopped_by) is not None:
             raise type(reason)(f'{reason}: only a new node moves the robot again') from None
-        self._robot.require_not_stopped()
+        chosen = [*self._chosen(robots)]
+        for robot in chosen:
+            robot.require_not_stopped()
         if not elsewhere and self._hub.executor.is_executor_thread():
             raise errors.MotionRefusedError(
                 'a motion cannot run in a callback of its own node: it would wait for callbacks '
                 'that wait for it. Start it in a thread, or from the main program, or let a '
                 'MultiThreadedExecutor run the node')
-        self._robot.request = request = self._requests.accept()
+        request = self._requests.accept(_gates(chosen))
+        for robot in chosen:
+            robot.request = request
         return request
 
-    def drive(self, order: DriveOrder, request: DriveRequest | None = None) -> Plan:
+    def drive(
+            self, orders: Mapping[Robot, DriveOrder],
+            request: DriveRequest | None = None) -> None:
         """
-        Plan a motion, drive the robot through it, and leave the robot at rest; return the plan.
+        Plan motions, drive the robots through them, all from one t = 0, and leave them at rest.
 
-        :raises InvalidMotionError: if the robot cannot do the motion; the robot has not moved then
-        :raises ControlError: if there is no control of the robot, or the drive ended early
+        :raises InvalidMotionError: if a robot cannot do its motion; none has moved then
+        :raises ControlError: if there is no control of a robot, or the drive ended early
         """
-        with self._accepted(request) as accepted:
-            plan = order.plan
-            self._robot.drive.request(order.motion.name, plan)
-            self._hub.publish(MotionPlanned(
-                order.motion, order.limits, order.rate, time.monotonic(), plan))
-            self._run(accepted, RobotTask(
-                self._robot, TickScheduler(plan), plan.period, order.corrected))
-        return plan
+        with self._accepted(request, orders) as accepted:
+            for robot, order in orders.items():
+                robot.drive.request(order.motion.name, order.plan)
+                robot.publish(MotionPlanned(
+                    order.motion, order.limits, order.rate, time.monotonic(), order.plan))
+            accepted.period = min(order.plan.period for order in orders.values())
+            Drive([RobotTask(robot, TickScheduler(order.plan), order.plan.period, order.corrected)
+                   for robot, order in orders.items()]).run()
 
     def drive_source(
-            self, title: str, source: VelocitySource, period: float,
+            self, robot: Robot, title: str, source: VelocitySource, period: float,
             request: DriveRequest | None = None) -> None:
         """
         Send the velocities of a source until it has no more, and leave the robot at rest.
@@ -130,17 +138,20 @@ class Commander:
         :param period: the normal time between two velocities [s]
         :raises ControlError: if there is no control of the robot, or the drive ended early
         """
-        with self._accepted(request) as accepted:
-            self._robot.drive.request(title)
-            self._run(accepted, RobotTask(self._robot, source, period))
+        with self._accepted(request, [robot]) as accepted:
+            robot.drive.request(title)
+            accepted.period = period
+            Drive([RobotTask(robot, source, period)]).run()
 
-    def start(self, drive: Callable[[DriveRequest], object]) -> str:
+    def start(
+            self, drive: Callable[[DriveRequest], object],
+            robots: Sequence[Robot] | None = None) -> str:
         """
-        Start a thread that drives the robot; from now on a stop ends the drive.
+        Start a thread that drives robots; from now on a stop ends the drive.
 
-        :raises ControlError: if the robot may not drive now, for example because it does already
+        :raises ControlError: if one may not drive now, for example because it does already
         """
-        request = self.request(elsewhere=True)
+        request = self.request(robots, elsewhere=True)
 
         def run() -> None:
             try:
@@ -154,90 +165,110 @@ class Commander:
         threading.Thread(target=run, name='drive', daemon=True).start()
         return 'started'
 
-    def stop(self, caller: str) -> str:
+    def stop(self, caller: str, robots: Sequence[Robot] | None = None) -> str:
         """
-        Stop the robot, and wait until the stop is complete; return a text for the user.
+        Stop robots, and wait until the stops are complete; return a text for the user.
 
-        A drive ends with an error, even before the robot moves.  Nothing is sent to a robot of
+        A drive ends with an error, even before its robots move.  Nothing is sent to a robot of
         which this node has no control, or that is stopped already.
 
-        :param caller: who stops the robot, for the error that ends the drive
-        :raises RunFaultError: if the stop could not be sent, or the robot still moves by odometry
+        :param caller: who stops them, for the error that ends the drive
+        :raises RunFaultError: if a stop could not be sent, or a robot still moves by odometry
         """
+        chosen = self._chosen(robots)
         reason = errors.MotionStoppedError(f'the movement was ended by {caller}')
-        self._requests.on_stop(reason)
-        return self._robot.stop_for_user(reason)
+        self._requests.on_stop(reason, _gates(chosen))
+        were_stopped = [robot.stopper.is_stopped for robot in chosen]
+        failures = stop_all(chosen, reason)
+        return _answer(chosen, [
+            partial(robot.stopper.report, failure, was_stopped)
+            for robot, failure, was_stopped in zip(chosen, failures, were_stopped)])
 
     def stop_permanently(self, reason: errors.ControlError) -> None:
-        """Stop the robot for good: each later motion raises the first reason given."""
+        """Stop all robots for good: each later motion raises the first reason given."""
         self._hub.stop_permanently(reason)
-        self._robot.guardian.latch.trip()
-        self._robot.stop_or_log(reason)
+        for robot in self._robots:
+            robot.guardian.latch.trip()
+        for robot, failure in zip(self._robots, stop_all(self._robots, reason)):
+            if failure := failure or robot.stopper.unconfirmed():
+                robot.stopper.log_once(failure)
 
     def _on_callback_error(self, error: BaseException) -> None:
-        """Stop the robot for good after an error in a callback of the node."""
+        """Stop all robots for good after an error in a callback of the node."""
         self.stop_permanently(errors.RunFaultError(
             f'a callback failed: {type(error).__name__}: {escaped(error)}'))
 
     def close(self) -> None:
-        """Stop and release the robot, and refuse later motions."""
+        """Stop and release all robots, and refuse later motions."""
         with self._closing:
             if not self._is_closed:
                 self.stop_permanently(errors.MotionRefusedError(errors.ENDED))
-                self._robot.close()
+                failed = [error for error in complete([
+                    partial(_released, robot) for robot in self._robots]) if error is not None]
                 self._is_closed = True
+                if failed:
+                    raise failed[0]
             self._hub.close()
 
     def serve_until_stopped(self) -> None:
         """Run callbacks in a background thread until ``stop_permanently``; raise its reason."""
         self._hub.serve_until_stopped()
-        self._robot.require_not_stopped()
+        for robot in self._robots:
+            robot.require_not_stopped()
 
-    def pause(self) -> str:
+    def pause(self, robots: Sequence[Robot] | None = None) -> str:
         """
-        Bring the robot to rest within its limits, and keep it there until ``resume`` is called.
+        Bring robots to rest within their limits, and keep them there until ``resume`` is called.
 
         If no motion is under way, the next one is paused before the robot moves.
 
         :raises ControlError: if no motion may start any more, so that there is none to pause
         """
-        self._robot.require_not_stopped()
+        chosen = self._chosen(robots)
+        for robot in chosen:
+            robot.require_not_stopped()
         with self._changing:
             self.changes += 1
-            is_new = self._factor.set(PAUSE, 0.0)
-        if not is_new:
+            are_new = [robot.speed_factor.set(PAUSE, 0.0) for robot in chosen]
+        if not any(are_new):
             return 'it was paused before'
         self._logger.info('Paused: resume to go on')
-        return 'paused' if self.is_driving else 'paused: the next motion is held at its start'
+        return ('paused' if self.is_driving(chosen)
+                else 'paused: the next motion is held at its start')
 
-    def resume(self, even_if_moved: bool = False) -> str:
+    def resume(
+            self, even_if_moved: bool = False, robots: Sequence[Robot] | None = None) -> str:
         """
-        Continue a paused motion.
+        Continue paused motions.
 
-        :param even_if_moved: whether to continue from where the robot stands now if somebody moved
+        :param even_if_moved: whether to continue from where a robot stands now if somebody moved
             it during the pause
-        :raises ControlError: if no motion may start now, or the robot was moved
+        :raises ControlError: if no motion may start now, or a robot was moved; all stay paused
         """
-        self._robot.require_not_stopped()
-        if self.is_driving:
-            self._robot.check_resume(even_if_moved)
-        was_held = [self._factor.set(name, 1.0) for name in (PAUSE, MOVED)]
-        if any(was_held):
+        chosen = self._chosen(robots)
+        for robot in chosen:
+            robot.require_not_stopped()
+            if self.is_driving([robot]):
+                robot.check_resume(even_if_moved)
+        were_held = [robot.speed_factor.set(name, 1.0)
+                     for robot in chosen for name in (PAUSE, MOVED)]
+        if any(were_held):
             self._logger.info('Resumed')
-        if self._factor.is_hold:
-            return f'another holds the robot: {self._factor.describe()}'
-        return 'resumed' if any(was_held) else 'nothing was paused'
+        for robot in chosen:
+            if robot.speed_factor.is_hold:
+                return f'another holds the robot: {robot.speed_factor.describe()}'
+        return 'resumed' if any(were_held) else 'nothing was paused'
 
-    def resume_when_confirmed(self) -> str:
+    def resume_when_confirmed(self, robots: Sequence[Robot] | None = None) -> str:
         """
-        Continue a paused motion; if the robot was moved meanwhile, only at a second call.
+        Continue paused motions; if a robot was moved meanwhile, only at a second call.
 
         :raises RobotMovedError: if it was moved, unless the call before raised this 1 s to 10 s
             ago
         :raises ControlError: if no motion may start now
         """
         try:
-            return self.resume(even_if_moved=self._confirmation.on_request())
+            return self.resume(self._confirmation.on_request(), robots)
         except errors.RobotMovedError as error:
             self._confirmation.on_warning()
             raise errors.RobotMovedError(
@@ -246,28 +277,32 @@ class Commander:
 
     def change_speed(self, step: float) -> None:
         """Change the ROS parameter ``speed_factor`` by a step, between one step and 1."""
-        factor = self._factor.factors.get(OVERRIDE, 1.0)
+        factor = min(robot.speed_factor.factors.get(OVERRIDE, 1.0) for robot in self._robots)
         self.set_speed(min(1.0, max(abs(step), round(factor + step, 2))))
 
-    def set_speed(self, factor: float) -> None:
+    def set_speed(self, factor: float, robots: Sequence[Robot] | None = None) -> None:
         """
         Set the ROS parameter ``speed_factor``, from 0.01 to 1.
 
         :raises ControlError: if the value is out of range, or no motion may start any more
         """
-        self._robot.require_not_stopped()
+        chosen = self._chosen(robots)
+        for robot in chosen:
+            robot.require_not_stopped()
         try:
-            result = self._hub.node.set_parameters([Parameter(PARAMETER, value=factor)])[0]
+            results = self._hub.node.set_parameters([
+                Parameter(robot.settings.full_name(PARAMETER), value=factor) for robot in chosen])
         except rclpy_implementation.InvalidHandle:  # the node was destroyed just now
             raise errors.MotionRefusedError(errors.ENDED) from None
-        if not result.successful:
-            raise errors.MotionRefusedError(result.reason)
+        for result in results:
+            if not result.successful:
+                raise errors.MotionRefusedError(result.reason)
 
-    def on_speed_set(self, factor: float) -> None:
-        """Apply the ROS parameter ``speed_factor``, which somebody has set."""
+    def on_speed_set(self, robot: Robot, factor: float) -> None:
+        """Apply the ROS parameter ``speed_factor`` of a robot, which somebody has set."""
         with self._changing:
             self.changes += 1
-            self._factor.set(OVERRIDE, factor)
+            robot.speed_factor.set(OVERRIDE, factor)
 
     def begin_anew(self, changes: int, factor: float) -> None:
         """
@@ -278,20 +313,51 @@ class Commander:
         with self._changing:
             if changes != self.changes:
                 return
-            for name in (PAUSE, MOVED):
-                self._factor.set(name, 1.0)
+            for robot in self._robots:
+                for name in (PAUSE, MOVED):
+                    robot.speed_factor.set(name, 1.0)
             self.set_speed(factor)
 
+    def _chosen(self, robots: Collection[Robot] | None) -> Sequence[Robot]:
+        return self._robots if robots is None else [*robots]
+
     @contextlib.contextmanager
-    def _accepted(self, request: DriveRequest | None) -> Iterator[DriveRequest]:
+    def _accepted(
+            self, request: DriveRequest | None,
+            robots: Collection[Robot]) -> Iterator[DriveRequest]:
         """Finish an accepted request at the end of a block, also if an error ends the block."""
-        request, is_complete = request or self.request(), False
+        request, is_complete = request or self.request(robots), False
         try:
             yield request
             is_complete = True
         finally:
             self._requests.finish(request, is_complete)
 
-    def _run(self, request: DriveRequest, task: RobotTask) -> None:
-        request.period = task.period
-        Drive([task]).run()
+
+def _gates(robots: Collection[Robot]) -> list[VelocityGate]:
+    return [robot.gate for robot in robots]
+
+
+def _answer(robots: Sequence[Robot], reports: Sequence[Callable[[], str]]) -> str:
+    """Return the texts for the user, one a robot; raise the first error, after all reports."""
+    texts: list[str] = []
+    failed: errors.ControlError | None = None
+    for robot, report in zip(robots, reports):
+        try:
+            texts.append(report())
+        except errors.ControlError as error:  # noqa: PERF203 (few robots, each reports)
+            failed = failed or robot.named(error)
+    if failed is not None:
+        raise failed
+    if len({*texts}) == 1:
+        return texts[0]
+    return '; '.join(f'{robot.name}: {text}' for robot, text in zip(robots, texts))
+
+
+def _released(robot: Robot, moment: Moment) -> Steps[Exception | None]:
+    """Release a robot; return an error instead of raising it, which would keep the others."""
+    try:
+        yield from robot.release(moment)
+    except Exception as error:
+        return error
+    return None

@@ -64,8 +64,12 @@ def odometry(
 
 
 def diagnostics(
-        diagnoses: Mapping[str, Diagnosis], stamp: Time, hardware_id: str) -> DiagnosticArray:
-    """Return a DiagnosticArray message with one status for each diagnosis, by its name."""
+        diagnoses: Mapping[tuple[str, str], Diagnosis], stamp: Time) -> DiagnosticArray:
+    """
+    Return a DiagnosticArray message with one status for each diagnosis.
+
+    :param diagnoses: by the name of the status, and the hardware ID
+    """
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
     message = DiagnosticArray()
     message.header.stamp = stamp
@@ -73,7 +77,7 @@ def diagnostics(
         DiagnosticStatus(
             # rclpy represents the message type byte as bytes.
             level=bytes([diagnosis.level]), name=name, message=diagnosis.message,
-            hardware_id=hardware_id,
+            hardware_id=hardware,
             values=[KeyValue(key=key, value=value) for key, value in diagnosis.values.items()])
-        for name, diagnosis in diagnoses.items()]
+        for (name, hardware), diagnosis in diagnoses.items()]
     return message

@@ -19,7 +19,7 @@ A separate thread sends the messages, so that the thread that drives is not dela
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from functools import partial
 from queue import SimpleQueue
 import threading
@@ -40,14 +40,7 @@ from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.endpoints import with_qos_overrides
-from kachaka_simple_control.ros.names import (
-    COMMANDED_VELOCITY,
-    DIAGNOSTICS,
-    DRIVEN_PATH,
-    PLANNED_PATH,
-    SPEED_FACTOR,
-)
-from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.ros.names import DIAGNOSTICS
 from kachaka_simple_control.telemetry.cdr import PathSerializer
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
@@ -100,15 +93,15 @@ class PublisherThread:
     """
     A thread that sends the messages of all debug topics of a node; the first message starts it.
 
-    :param velocities: whose topic must not be that of a debug topic
+    :param velocity_topics: none of them may be that of a debug topic
     :param may_publish: whether messages may be sent now; otherwise they are dropped
     :param on_error: called with the publisher and the error if a message could not be sent
     """
 
     def __init__(
-            self, node: Node, velocities: VelocityPublisher, may_publish: Callable[[], bool],
+            self, node: Node, velocity_topics: Container[str], may_publish: Callable[[], bool],
             on_error: Callable[[Publisher, Exception], None]) -> None:
-        self.node, self._velocity_topic = node, velocities.topic_name
+        self.node, self._velocity_topics = node, velocity_topics
         self._may_publish, self._on_error = may_publish, on_error
         self._queue: SimpleQueue[tuple[Publisher, Serialize] | None] = SimpleQueue()
         self._thread: threading.Thread | None = None
@@ -121,7 +114,7 @@ class PublisherThread:
         :raises UsageError: if the topic is that of the velocities, or such a QoS is not allowed
         """
         name = self.node.resolve_topic_name(topic)
-        if name == self._velocity_topic:
+        if name in self._velocity_topics:
             raise UsageError(
                 f'{topic} is remapped to {name}, which moves the robot: what is shown needs a '
                 'topic of its own')
@@ -192,8 +185,8 @@ class DebugTopic:
 class SpeedFactorPublisher(DebugTopic):
     """Publishes the speed factor when it changes; later subscribers receive the newest, too."""
 
-    def __init__(self, thread: PublisherThread) -> None:
-        super().__init__(thread, Float64, SPEED_FACTOR, LATCHED)
+    def __init__(self, thread: PublisherThread, topic: str) -> None:
+        super().__init__(thread, Float64, topic, LATCHED)
 
     def publish(self, factor: float) -> None:
         """Publish the speed factor."""
@@ -210,9 +203,9 @@ class CommandedVelocityPublisher(DebugTopic):
     :param frame: the frame of the robot, for the header of the messages
     """
 
-    def __init__(self, thread: PublisherThread, frame: str) -> None:
+    def __init__(self, thread: PublisherThread, topic: str, frame: str) -> None:
         super().__init__(
-            thread, TwistStamped, COMMANDED_VELOCITY,
+            thread, TwistStamped, topic,
             QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
         # Created once: creating a message takes longer than sending it.
         self._message = TwistStamped()
@@ -246,26 +239,23 @@ class CommandedVelocityPublisher(DebugTopic):
 
 class DiagnosticsPublisher(DebugTopic):
     """
-    Publishes a diagnosis of the drive when ``publish`` is called and there are subscribers.
+    Publishes a diagnosis of each robot when ``publish`` is called and there are subscribers.
 
-    :param diagnose: returns the current diagnosis; None if there is nothing to publish
+    :param diagnose: returns the current diagnoses, by the name of the status and the hardware ID
     :raises ImportError: if diagnostic_msgs is not installed
     """
 
     def __init__(
-            self, thread: PublisherThread, robot: str,
-            diagnose: Callable[[], Diagnosis | None]) -> None:
+            self, thread: PublisherThread,
+            diagnose: Callable[[], Mapping[tuple[str, str], Diagnosis]]) -> None:
         from diagnostic_msgs.msg import DiagnosticArray
         super().__init__(thread, DiagnosticArray, DIAGNOSTICS, QoSProfile(depth=10))
-        self._name = f'{thread.node.get_fully_qualified_name().lstrip("/")}: drive'
-        self._robot = robot
         self._diagnose = diagnose
 
     def publish(self) -> None:
-        """Publish the current diagnosis of the drive, if there are subscribers."""
-        if self._has_subscribers and (diagnosis := self._diagnose()) is not None:
-            message = conversions.diagnostics(
-                {self._name: diagnosis}, self._clock.now().to_msg(), self._robot)
+        """Publish the current diagnosis of each robot, if there are subscribers."""
+        if self._has_subscribers and (diagnoses := self._diagnose()):
+            message = conversions.diagnostics(diagnoses, self._clock.now().to_msg())
             self._send(lambda: bytes(serialize_message(message)))
 
 
@@ -293,8 +283,8 @@ class PathTopic(DebugTopic):
 class PlannedPathPublisher(PathTopic):
     """Publishes the path before the robot drives it; later subscribers get it, too."""
 
-    def __init__(self, thread: PublisherThread) -> None:
-        super().__init__(thread, PLANNED_PATH, LATCHED)
+    def __init__(self, thread: PublisherThread, topic: str) -> None:
+        super().__init__(thread, topic, LATCHED)
         self._pose: Pose | None = None
         #: the plan that was published from the origin, because the robot's pose was unknown
         self._plan_from_origin: Plan | None = None
@@ -323,8 +313,8 @@ class PlannedPathPublisher(PathTopic):
 class DrivenPathPublisher(PathTopic):
     """While there are subscribers, publishes the path that the robot has driven, from odometry."""
 
-    def __init__(self, thread: PublisherThread) -> None:
-        super().__init__(thread, DRIVEN_PATH, QoSProfile(depth=1))
+    def __init__(self, thread: PublisherThread, topic: str) -> None:
+        super().__init__(thread, topic, QoSProfile(depth=1))
         self._publish_time = float('-inf')
 
     def set_frame(self, frame: str) -> None:

@@ -26,7 +26,8 @@ from functools import partial
 import time
 
 from kachaka_simple_control.control.drive_loop import DriveLoop, old_objects_frozen
-from kachaka_simple_control.control.preparation import complete
+from kachaka_simple_control.control.preparation import complete, Moment, Steps
+from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.tick_scheduler import VelocitySource
 from kachaka_simple_control.control.velocity_gate import PortTime
 from kachaka_simple_control.errors import control_error, ControlError
@@ -50,31 +51,41 @@ class RobotTask:
 
 
 class Drive:
-    """Drives robots in the calling thread, and leaves them at rest."""
+    """
+    Drives robots in the calling thread, and leaves them at rest.
 
-    def __init__(self, tasks: Sequence[RobotTask]) -> None:
-        self._tasks = tasks
+    :param goes_on: whether a fault of one robot ends its drive alone, and not those of all
+    """
+
+    def __init__(self, tasks: Sequence[RobotTask], goes_on: bool = False) -> None:
+        self._tasks, self._goes_on = tasks, goes_on
+        self._failed: dict[Robot, Exception] = {}
 
     def run(self) -> None:
         """
-        Get ready, drive, and stop.
+        Get all robots ready, drive, and stop.
 
-        :raises ControlError: if there is no control of a robot, or the drive ended early
+        :raises ControlError: if there is no control of a robot, so that none has moved; or a drive
+            ended early
         """
         try:
-            complete([partial(task.robot.prepare, is_closed_loop=task.corrected is not None)
-                      for task in self._tasks], self._check)
+            complete([partial(_prepare, task) for task in self._tasks], self._check)
             with old_objects_frozen():
                 self._loop()
-            complete([partial(task.robot.complete, period=task.period) for task in self._tasks])
+            complete([partial(_complete, task) for task in self._tasks
+                      if task.robot not in self._failed])
         except BaseException as error:
             # KeyboardInterrupt and SystemExit as well: the robots must stop in every case.
-            ended = self._end_early(error)
+            ended = _end_early([task.robot for task in self._tasks], error)
             if ended is error:
                 raise
             raise ended from error
         for task in self._tasks:
-            task.robot.finish()
+            if task.robot not in self._failed:
+                task.robot.finish()
+        errors = [_end_early([robot], error) for robot, error in self._failed.items()]
+        if errors:
+            raise errors[0]
 
     def _check(self) -> None:
         for task in self._tasks:
@@ -82,20 +93,45 @@ class Drive:
 
     def _loop(self) -> None:
         loop, port_time = DriveLoop(), PortTime()
+        robots = {task.robot.drive: task.robot for task in self._tasks}
         for task in self._tasks:
             gate = task.robot.gate
             gate.port_time, gate.wake = port_time, partial(loop.wake, task.robot.drive)
         t0 = time.monotonic()
         for task in self._tasks:
             task.robot.begin(task.source, t0, task.period, task.corrected)
-        loop.run([task.robot.drive for task in self._tasks])
 
-    def _end_early(self, error: BaseException) -> BaseException:
-        """Stop all robots after an error; return the one to raise, or that of a guardian."""
-        robots = [task.robot for task in self._tasks]
-        failures = stop_all(robots, control_error(error))
-        ended = [robot.end_early(error, failure) for robot, failure in zip(robots, failures)]
-        return next((one for one in ended if one is not error), error)
+        def go_on(drive: RobotDrive, error: Exception) -> None:
+            self._failed[robots[drive]] = error
+            robots[drive].stop_later()
+
+        try:
+            loop.run([*robots], go_on if self._goes_on else None)
+        except ControlError as error:
+            if loop.failed is None:
+                raise
+            raise robots[loop.failed].named(error) from None
+
+
+def _prepare(task: RobotTask, moment: Moment) -> Steps[None]:
+    try:
+        yield from task.robot.prepare(moment, is_closed_loop=task.corrected is not None)
+    except ControlError as error:
+        raise task.robot.named(error) from None
+
+
+def _complete(task: RobotTask, moment: Moment) -> Steps[None]:
+    try:
+        yield from task.robot.complete(moment, task.period)
+    except ControlError as error:
+        raise task.robot.named(error) from None
+
+
+def _end_early(robots: Sequence[Robot], error: BaseException) -> BaseException:
+    """Stop robots after an error; return the one to raise, or that of a guardian."""
+    failures = stop_all(robots, control_error(error))
+    ended = [robot.end_early(error, failure) for robot, failure in zip(robots, failures)]
+    return next((one for one in ended if one is not error), error)
 
 
 def stop_all(robots: Sequence[Robot], reason: ControlError) -> list[str | None]:

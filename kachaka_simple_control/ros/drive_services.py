@@ -12,22 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The services of a node, and its parameter ``speed_factor``: they call the commander.
+The services of a node, and its parameters ``speed_factor``: they call the commander.
 
 Tested by test/ros/test_commander.py.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 import threading
-from typing import Any
 
 from kachaka_simple_control.control.drive_requests import DriveRequest, StopRequests
 from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.ros.commander import Commander, PARAMETER
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
+from kachaka_simple_control.ros.names import of_robot
+from kachaka_simple_control.ros.robot import Robot
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
@@ -40,25 +42,33 @@ class DriveServices:
     """
     The services ``~/stop``, ``~/pause`` and ``~/resume`` of a node, and more that ``serve`` adds.
 
-    :param factor: the initial value of the ROS parameter ``speed_factor``
+    A robot with a name has such services of its own, for example ``~/NAME/stop``.
     """
 
-    def __init__(self, node: Node, commander: Commander, factor: float) -> None:
+    def __init__(self, node: Node, commander: Commander, robots: Sequence[Robot]) -> None:
         self._node, self._commander = node, commander
         #: the stop requests; a start or resume request at the same time is refused
         self.stop_requests = StopRequests()
-        commander.on_speed_set(factor)
+        self._robots = {robot.settings.full_name(PARAMETER): robot for robot in robots}
+        for robot in robots:
+            commander.on_speed_set(robot, robot.settings.parameters.speed_factor)
         node.add_on_set_parameters_callback(self._check_parameters)
         # Humble has no callback that runs after all parameters are accepted.
         if hasattr(node, 'add_post_set_parameters_callback'):
             node.add_post_set_parameters_callback(self._apply_parameters)
-        self.serve('~/pause', commander.pause)
-        self.serve('~/resume', self._resume)
-        # A separate callback group: this callback waits for the stop, and other callbacks go on.
-        node.create_service(
-            Trigger, '~/stop', self._on_stop, qos_profile=SERVICE_QOS,
-            callback_group=MutuallyExclusiveCallbackGroup())
         self._wake = node.create_guard_condition(lambda: None)
+        self._serve_for('', None)
+        for robot in robots:
+            if robot.name:
+                self._serve_for(robot.name, [robot])
+
+    def _serve_for(self, name: str, robots: Sequence[Robot] | None) -> None:
+        self.serve(of_robot('~/pause', name), partial(self._commander.pause, robots))
+        self.serve(of_robot('~/resume', name), partial(self._resume, robots))
+        # A separate callback group: this callback waits for the stop, and other callbacks go on.
+        self._node.create_service(
+            Trigger, of_robot('~/stop', name), partial(self._on_stop, robots),
+            qos_profile=SERVICE_QOS, callback_group=MutuallyExclusiveCallbackGroup())
 
     def serve(self, name: str, function: Callable[[], str]) -> str:
         """
@@ -83,19 +93,20 @@ class DriveServices:
         self.stop_requests.require_none()
         return self._commander.start(drive)
 
-    def _resume(self) -> str:
+    def _resume(self, robots: Sequence[Robot] | None) -> str:
         self.stop_requests.require_none()
-        return self._commander.resume_when_confirmed()
+        return self._commander.resume_when_confirmed(robots)
 
     async def _on_stop(
-            self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            self, robots: Sequence[Robot] | None, request: Trigger.Request,
+            response: Trigger.Response) -> Trigger.Response:
         del request
         self.stop_requests.on_stop()
         stopped = Future()
 
         def stop() -> None:
             try:
-                response.message, response.success = self._commander.stop('~/stop'), True
+                response.message, response.success = self._commander.stop('~/stop', robots), True
             except Exception as error:  # the client must get a response in any case
                 response.message = str(error)
             stopped.set_result(None)
@@ -110,24 +121,21 @@ class DriveServices:
         return response
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        for value in _factors(parameters):
-            if isinstance(value, bool) or not (
-                    isinstance(value, (int, float)) and MIN_SPEED_FACTOR <= value <= 1.0):
+        for parameter in parameters:
+            value = parameter.value
+            if parameter.name in self._robots and (isinstance(value, bool) or not (
+                    isinstance(value, (int, float)) and MIN_SPEED_FACTOR <= value <= 1.0)):
                 return SetParametersResult(successful=False, reason=(
-                    f'{PARAMETER} is {value!r}; it must be from {MIN_SPEED_FACTOR:g} to 1; '
+                    f'{parameter.name} is {value!r}; it must be from {MIN_SPEED_FACTOR:g} to 1; '
                     'to stop, pause'))
         if not hasattr(self._node, 'add_post_set_parameters_callback'):
             self._apply_parameters(parameters)
         return SetParametersResult(successful=True)
 
     def _apply_parameters(self, parameters: list[Parameter]) -> None:
-        if values := _factors(parameters):
-            self._commander.on_speed_set(values[-1])
-
-
-def _factors(parameters: list[Parameter]) -> list[Any]:
-    """Return all values of ``speed_factor`` in a list of ROS parameters."""
-    return [parameter.value for parameter in parameters if parameter.name == PARAMETER]
+        for name, factor in {one.name: one.value for one in parameters}.items():
+            if name in self._robots:
+                self._commander.on_speed_set(self._robots[name], factor)
 
 
 def _service(function: Callable[[], str]) -> Callable[

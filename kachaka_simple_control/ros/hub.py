@@ -18,50 +18,46 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 import threading
 
-from kachaka_simple_control.control.events import Event
 from kachaka_simple_control.control.stop import LateStops
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.ros.executors import BackgroundExecutor
 from kachaka_simple_control.ros.odometry import OdometryReader, OdometryThread
+from kachaka_simple_control.telemetry.event_bus import EventBus
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
 
 class Hub:
     """
-    What the robots of a node share: threads, and what has stopped them for good.
+    What the robots of a node share: threads, events, and what has stopped all of them for good.
 
-    :param publish: puts an event into a queue, and returns at once
     :ivar on_error: called, in any thread, with what a callback has raised
     """
 
-    def __init__(self, node: Node, publish: Callable[[Event], None]) -> None:
-        self.node, self.publish = node, publish
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.event_bus = EventBus(node.get_logger().warning)
         self.on_error: Callable[[BaseException], None] = lambda _: None
         self.executor = BackgroundExecutor(node, self._report)
         self.late_stops = LateStops()
+        #: that of the subscriptions to odometry
         self.odometry_group = MutuallyExclusiveCallbackGroup()
-        self.readers: Sequence[OdometryReader] = ()
         self._odometry: OdometryThread | None = None
         #: why no robot may move again: the first reason given; None while they may move
         self.stopped_by: ControlError | None = None
         self._is_stopped = threading.Event()
 
     def start_odometry(self, readers: Sequence[OdometryReader]) -> None:
-        """Start to receive the odometry of all robots; call this once."""
-        self.readers = readers
+        """Start to receive the odometry of all robots, if any has some; call this once."""
         if readers:
             self._odometry = OdometryThread(self.node, readers, self._report)
 
     def close(self) -> None:
-        """End the threads."""
+        """End the threads, but not that of the events: the last ones are still passed on."""
         self.executor.stop()
         self.late_stops.close()
         if self._odometry is not None:
             self._odometry.stop()
-
-    def _report(self, error: BaseException) -> None:
-        self.on_error(error)
 
     def stop_permanently(self, reason: ControlError) -> None:
         """Let no robot move again; for any thread."""
@@ -74,3 +70,6 @@ class Hub:
         # Do not serve them in this thread: if a signal interrupts rclpy while it creates a message
         # for a callback, a TypeError is raised, and the node's callbacks stay blocked.
         self._is_stopped.wait()
+
+    def _report(self, error: BaseException) -> None:
+        self.on_error(error)

@@ -25,7 +25,6 @@ from typing import Any
 
 from kachaka_simple_control.control.preparation import Moment, Steps, until
 from kachaka_simple_control.control.timing import REQUEST_RETRY_PERIOD
-from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotNotFoundError
 from kachaka_simple_control.text import escaped
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -126,7 +125,7 @@ class ManualControlClient:
         age = now - self._requested
         return f'requested {age:.0f} s ago' if age < self._timeout else 'off: it ran out'
 
-    def release(self, timeout: float) -> bool:
+    def release(self, moment: Moment, timeout: float) -> Steps[bool]:
         """Switch manual control off; return whether the robot responded in time."""
         response = self.request(False)
-        return wait_until(lambda: response.done, timeout)
+        return (yield from until(moment, lambda: response.done, 'the release', timeout))

@@ -43,6 +43,15 @@ INTROSPECTION_TOPICS = (
 _NAMESPACE = re.compile('(/+[A-Za-z_][A-Za-z0-9_]*)*/*')
 
 
+def of_robot(name: str, robot: str) -> str:
+    """
+    Return the name of a topic or service of one robot, such as ``~/NAME/stop`` for ``~/stop``.
+
+    :param robot: its name; empty for the only robot of a node, which adds nothing
+    """
+    return name.replace('~/', f'~/{robot}/') if robot else name
+
+
 @dataclass(frozen=True)
 class RobotNames:
     """

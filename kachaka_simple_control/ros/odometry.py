@@ -36,16 +36,16 @@ class OdometryReader:
     """
     Reads the odometry messages of a robot.
 
-    :param on_frame: called with the frame of the poses, before the first pose in it
     :ivar on_odometry: called with the time of arrival [s on the steady clock], the pose, the
         velocity, and whether the message is new: its time stamp is later than the one before, or
         it has none
     """
 
-    def __init__(self, subscription: Subscription, on_frame: Callable[[str], None]) -> None:
+    def __init__(self, subscription: Subscription) -> None:
         self.subscription = subscription
         self.on_odometry: Callable[[float, Pose, Velocity, bool], None] = lambda *_: None
-        self._on_frame = on_frame
+        #: called with the frame of the poses, before the first pose in it
+        self.on_frame: Callable[[str], object] = lambda _: None
         self._frame: bytes | None = None
         self._newest = 0
 
@@ -54,7 +54,7 @@ class OdometryReader:
         frame, stamp, pose, twist = read_odometry(data)
         if frame != self._frame:
             self._frame = frame
-            self._on_frame(frame.decode(errors='replace'))
+            self.on_frame(frame.decode(errors='replace'))
         is_new, self._newest = stamp > self._newest or not stamp, stamp
         # Ignore a message with a value that is NaN or infinite.
         if math.isfinite(pose.x + pose.y + pose.theta + twist.linear_x + twist.angular_z):
@@ -94,13 +94,11 @@ class OdometryThread:
 
 
 def subscribe_to_odometry(
-        node: Node, names: RobotNames, group: CallbackGroup,
-        on_frame: Callable[[str], None]) -> OdometryReader | None:
+        node: Node, names: RobotNames, group: CallbackGroup) -> OdometryReader | None:
     """
     Subscribe to odometry; None if the robot has none, or nav_msgs is not installed.
 
     :param group: that of the thread for odometry, which no other executor serves
-    :param on_frame: called with the frame of the poses, before the first pose in it
     :raises UsageError: if a ROS parameter sets an invalid QoS
     """
     topic = names.odometry
@@ -115,4 +113,4 @@ def subscribe_to_odometry(
     subscription = with_qos_overrides(lambda options: node.create_subscription(
         Odometry, topic, lambda _: None, copy(qos_profile_sensor_data),
         callback_group=group, qos_overriding_options=options))
-    return OdometryReader(subscription, on_frame)
+    return OdometryReader(subscription)

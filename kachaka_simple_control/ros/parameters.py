@@ -15,8 +15,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, Field, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, Field, fields
 from difflib import get_close_matches
 import platform
 import time
@@ -27,7 +27,12 @@ from kachaka_simple_control.control.timing import MAX_RATE, min_rate
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.motion.units import number_advice, UnitError
-from kachaka_simple_control.ros.names import RobotNames
+from kachaka_simple_control.ros.names import (
+    MAX_NAMESPACE_LENGTH,
+    names_of,
+    require_namespace,
+    RobotNames,
+)
 from kachaka_simple_control.ros.node_parameters import (
     NodeParameters,
     QOS_OVERRIDES_PREFIX,
@@ -41,30 +46,58 @@ from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
 
-def declare_parameters(
-        node: Node, defaults: Mapping[str, Any]) -> tuple[RobotProfile, NodeParameters]:
+@dataclass(frozen=True)
+class RobotSettings:
     """
-    Declare the ROS parameters of the node, and read the robot's profile and their values.
+    What the parameters of a node say of one robot.
 
+    :param name: prefixes its parameters, services and debug topics; empty for the only robot
+    """
+
+    name: str
+    profile: RobotProfile
+    parameters: NodeParameters
+    names: RobotNames
+
+    def full_name(self, parameter: str) -> str:
+        """Return the name that a parameter of this robot has on its node."""
+        return f'{self.name}.{parameter}' if self.name else parameter
+
+
+def declare_parameters(node: Node, name: str, defaults: Mapping[str, Any]) -> RobotSettings:
+    """
+    Declare the ROS parameters for one robot of a node, and read their values and its profile.
+
+    :param name: prefixes the parameters, as in ``NAME.rate``, and is the default of the robot's
+        namespace; empty for the only robot of a node
     :param defaults: values that replace the usual defaults, by parameter
     :raises UsageError: if a value has the wrong type or is out of range, or the robot is unknown
     """
+    prefix = f'{name}.' if name else ''
+    require_namespace(f'/{name}', 'the name of a robot', MAX_NAMESPACE_LENGTH)
     robot, *others = fields(NodeParameters)
-    name = str(_declare(node, robot, defaults.get('robot', robot.default), None))
-    profile = find_robot(name)
-    defaults = {'robot_namespace': profile.namespace, **defaults}
+    kind = str(_declare(node, robot, prefix, defaults.get('robot', robot.default), None))
+    profile = find_robot(kind)
+    defaults = {'robot_namespace': name or profile.namespace, **defaults}
     ranges = {'rate': (min_rate(profile.command_timeout), MAX_RATE)}
     values = {
         parameter.name: _declare(
-            node, parameter, defaults.get(parameter.name, parameter.default),
+            node, parameter, prefix, defaults.get(parameter.name, parameter.default),
             ranges.get(parameter.name, parameter.metadata['range']))
         for parameter in others}
-    return profile, NodeParameters(robot=name, **values)
+    parameters = NodeParameters(robot=kind, **values)
+    return RobotSettings(name, profile, parameters, names_of(
+        profile, parameters.robot_namespace, parameters.manual_control))
 
 
-def warn_of_unknown(node: Node) -> None:
-    """Warn of each parameter that was given to a node and that it has not declared."""
-    known = [*(parameter.name for parameter in fields(NodeParameters)), *ROS_PARAMETERS]
+def warn_of_unknown(node: Node, robots: Iterable[str]) -> None:
+    """
+    Warn of each parameter that was given to a node and that it has not declared.
+
+    :param robots: the names of its robots
+    """
+    known = [*(f'{name}.{parameter.name}' if name else parameter.name
+               for name in robots for parameter in fields(NodeParameters)), *ROS_PARAMETERS]
     for name in node._parameter_overrides:  # noqa: SLF001 (nothing public tells them)
         if name not in known and not name.startswith(QOS_OVERRIDES_PREFIX):
             similar = get_close_matches(name, known, 1)
@@ -73,8 +106,9 @@ def warn_of_unknown(node: Node) -> None:
 
 
 def _declare(
-        node: Node, parameter: Field[Any], default: Any,
+        node: Node, parameter: Field[Any], prefix: str, default: Any,
         bounds: tuple[float, float] | None) -> Any:
+    name = prefix + parameter.name
     descriptor = ParameterDescriptor(
         description=parameter.metadata['description'],
         read_only=parameter.metadata['read_only'])
@@ -88,23 +122,22 @@ def _declare(
     # The range is set after the check, because the text of rclpy's refusal has no unit.
     first = ParameterDescriptor(dynamic_typing=True) if bounds else descriptor
     try:
-        value = node.declare_parameter(parameter.name, default, first).value
+        value = node.declare_parameter(name, default, first).value
     except ParameterException as error:
         raise UsageError(escaped(error)) from None
     if parse and (text := str(value)):
         try:
             parse(text)
         except UnitError as error:
-            raise UsageError(f'parameter {parameter.name} is {error}') from None
+            raise UsageError(f'parameter {name} is {error}') from None
         return text
     if bounds:
-        value = _number(parameter, value, bounds)
-        node.set_descriptor(parameter.name, descriptor)
+        value = _number(name, parameter.metadata['unit'], value, bounds)
+        node.set_descriptor(name, descriptor)
     return value
 
 
-def _number(parameter: Field[Any], value: Any, bounds: tuple[float, float]) -> float:
-    name, unit = parameter.name, parameter.metadata['unit']
+def _number(name: str, unit: str, value: Any, bounds: tuple[float, float]) -> float:
     if isinstance(value, str):
         raise UsageError(
             f'parameter {name} is {quoted(value, 60)}; {number_advice(value, unit)}')
@@ -119,13 +152,13 @@ def _number(parameter: Field[Any], value: Any, bounds: tuple[float, float]) -> f
 
 
 def session_started(
-        node: Node, title: str, profile: RobotProfile, names: RobotNames,
-        parameters: NodeParameters, **about: Any) -> SessionStarted:
+        node: Node, title: str, settings: RobotSettings, **about: Any) -> SessionStarted:
     """
     Return the first event: the robot, its limits and topics, all settings and versions.
 
     :param about: more fields of the event
     """
+    profile, names = settings.profile, settings.names
     return SessionStarted(
         title=title,
         robot=profile.name,
@@ -137,7 +170,7 @@ def session_started(
         message_type=profile.message_type,
         frame=profile.frame,
         footprint=profile.footprint,
-        settings={**asdict(parameters), 'domain': node.context.get_domain_id(),
+        settings={**asdict(settings.parameters), 'domain': node.context.get_domain_id(),
                   **{name: calibration.describe() for name, calibration in (
                       ('calibration', profile.calibration),
                       ('odometry_calibration', profile.odometry_calibration))

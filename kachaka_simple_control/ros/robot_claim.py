@@ -32,7 +32,7 @@ from kachaka_simple_control.control.claims import (
     RELEASED,
     WANTED,
 )
-from kachaka_simple_control.control.preparation import Moment, Steps, until
+from kachaka_simple_control.control.preparation import Moment, pause, Steps, until
 from kachaka_simple_control.control.timing import (
     CLAIM_CONFLICT_TIME,
     CLAIM_DISCOVERY_TIME,
@@ -129,10 +129,10 @@ class RobotClaim:
         if self._network is not None and (holder := self._network.holder()) is not None:
             raise self._taken(holder)
 
-    def release(self) -> None:
+    def release(self, moment: Moment) -> Steps[None]:
         """Give up the claim on the robot; this object cannot take the claim again."""
         if self._network is not None:
-            self._network.release()
+            yield from self._network.release(moment)
         self._machine.release()
 
     def _taken(self, who: str) -> RobotTakenError:
@@ -211,7 +211,7 @@ class _NetworkClaim:
         claim = self._claims.holder(time.monotonic())
         return None if claim is None else claim.who
 
-    def release(self) -> None:
+    def release(self, moment: Moment) -> Steps[None]:
         """
         Tell other programs that this one no longer has the claim.
 
@@ -219,7 +219,8 @@ class _NetworkClaim:
         program finds it in this time as well.
         """
         if self._conflict_found is not None:
-            time.sleep(max(0.0, self._conflict_found + CLAIM_CONFLICT_TIME - time.monotonic()))
+            yield from pause(
+                moment, self._conflict_found + CLAIM_CONFLICT_TIME - moment.now, 'the other one')
         _repeater.remove(self)
         if self._state != RELEASED and self._node.context.ok():
             self._set_state(RELEASED)

@@ -21,14 +21,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import threading
-import time
 from weakref import WeakKeyDictionary
 
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.events import VelocityKind
 from kachaka_simple_control.control.guardian import Guardian, GuardianProcess, NullGuardian
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
-from kachaka_simple_control.control.preparation import complete, Moment, pause, Steps, until
+from kachaka_simple_control.control.preparation import Moment, pause, Steps, until
 from kachaka_simple_control.control.run_monitor import LeaseRenewer
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.timing import (
@@ -95,7 +94,7 @@ class RobotConnection:
         elif self.manual_control.is_needed and self.lease.is_stale(moment.now):
             yield from self._enable_manual_control(moment)
 
-    def release(self) -> None:
+    def release(self, moment: Moment) -> Steps[None]:
         """
         Switch off manual control, if this node has requested it and no other program drives now.
 
@@ -106,11 +105,9 @@ class RobotConnection:
             return
         self.executor.ensure_spinning(take_over=True)
         # Another program may now drive the robot with manual control.
-        if self.foreign.has_recent(time.monotonic()):
+        if self.foreign.has_recent(moment.now) or (yield from self.foreign.detect(moment)):
             return
-        if any(complete([self.foreign.detect])):
-            return
-        if not self.manual_control.release(RELEASE_TIMEOUT):
+        if not (yield from self.manual_control.release(moment, RELEASE_TIMEOUT)):
             self.node.get_logger().warning(
                 f'The robot did not confirm within {RELEASE_TIMEOUT:g} s that manual control is '
                 'off; it goes off by itself')

@@ -185,18 +185,27 @@ def one_line_errors(name: str) -> Iterator[None]:
 
 
 def check_node_names(
-        node: Node, robot: RobotNames, topics: Iterable[str], services: Iterable[str],
-) -> None:
+        node: Node, robots: Sequence[RobotNames], topics: Iterable[str],
+        services: Iterable[str]) -> None:
     """
     Check that the names of a node's topics and services, remapped, are short enough and differ.
 
     :param node: before it has created them
     :raises UsageError: if a name is too long, or two names are equal
     """
-    roles = {robot.velocity: 'which moves the robot', robot.odometry: "the robot's odometry",
-             robot.manual_control: "the robot's manual control"}
-    _check_distinct(node, [robot.velocity, robot.odometry, *topics, *TOPICS], roles, 'topic')
-    _check_distinct(node, [robot.manual_control, *services, *SERVICES], roles, 'service')
+    roles: dict[str | None, str] = {}
+    for robot in robots:
+        if robot.velocity in roles:
+            raise UsageError(
+                f'two robots obey {robot.velocity}: give each a robot_namespace of its own')
+        roles |= {robot.velocity: 'which moves the robot', robot.odometry: "the robot's odometry",
+                  robot.manual_control: "the robot's manual control"}
+    _check_distinct(node, [
+        *(name for robot in robots for name in (robot.velocity, robot.odometry)), *topics,
+        *TOPICS], roles, 'topic')
+    _check_distinct(
+        node, [*(robot.manual_control for robot in robots), *services, *SERVICES], roles,
+        'service')
 
 
 def _check_distinct(

@@ -45,6 +45,7 @@ class _Reader:
     handle: EventHandler
     on_detached: Callable[[str], None]
     wants: Callable[[Event], bool]
+    robot: str = ''
     busy: float = 0.0
 
 
@@ -89,8 +90,9 @@ class EventBus:
     def __init__(self, on_detached: Callable[[str], None] = lambda _: None) -> None:
         self._on_detached = on_detached
         self._readers: tuple[_Reader, ...] = ()
-        #: the waiting events, functions that the thread calls, and None, which ends the thread
-        self._queue: SimpleQueue[Event | Callable[[], None] | None] = SimpleQueue()
+        #: the waiting events with their robots, functions that the thread calls, and None, which
+        #: ends the thread
+        self._queue: SimpleQueue[tuple[Event, str] | Callable[[], None] | None] = SimpleQueue()
         self._hurry = threading.Event()
         self._call: _Call | None = None
         self._thread: threading.Thread | None = None
@@ -107,7 +109,7 @@ class EventBus:
     def subscribe(
             self, handler: EventHandler,
             on_detached: Callable[[str], None] = lambda _: None,
-            wants: Callable[[Event], bool] = lambda _: True) -> None:
+            wants: Callable[[Event], bool] = lambda _: True, robot: str = '') -> None:
         """
         Add a reader.
 
@@ -115,18 +117,19 @@ class EventBus:
             raised an error or is too slow; its output is then incomplete
         :param wants: a quick function, called in the thread that publishes, that returns whether
             the reader needs an event; one that nobody needs wakes no second thread
+        :param robot: the name of the robot whose events it gets; empty for the only one of a node
         """
         with self._lock:
-            self._readers = (*self._readers, _Reader(handler, on_detached, wants))
+            self._readers = (*self._readers, _Reader(handler, on_detached, wants, robot))
 
-    def publish(self, event: Event) -> None:
-        """Put an event into a queue, and return at once; any thread may call this."""
+    def publish(self, event: Event, robot: str = '') -> None:
+        """Put an event of a robot into a queue, and return at once; any thread may call this."""
         for reader in self._readers:
-            if reader.wants(event):
+            if reader.robot == robot and reader.wants(event):
                 break
         else:
             return
-        self._queue.put(event)
+        self._queue.put((event, robot))
         if self._thread is None:
             with self._lock:
                 if self._thread is None:
@@ -176,7 +179,8 @@ class EventBus:
         while (item := self._queue.get()) is not None:
             if callable(item):
                 item()
-            elif not self._pass_on(_Call(item, [*self._readers])):
+            elif not self._pass_on(_Call(item[0], [
+                    reader for reader in self._readers if reader.robot == item[1]])):
                 return
             if self._queue.empty():
                 self._limit = MAX_WAITING

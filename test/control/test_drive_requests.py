@@ -36,11 +36,11 @@ class Bench:
             FakePublisher(self.time).transmit, Limits(0.3, 1.57), Latch(), None, self.time.clock,
             self.time.clock)
         self.gate.open()
-        self.requests = DriveRequests([self.gate], self.time.clock)
+        self.requests = DriveRequests(self.time.clock)
 
     def stop(self):
         """Stop as a session does."""
-        self.requests.on_stop(STOPPED)
+        self.requests.on_stop(STOPPED, [self.gate])
         self.gate.cancel(STOPPED)
 
     def stop_from_outside(self):
@@ -51,7 +51,7 @@ class Bench:
 
     def drive(self, is_complete=True, period=PERIOD):
         """Begin and end a drive."""
-        request = self.requests.accept()
+        request = self.requests.accept([self.gate])
         request.period = period
         self.gate.begin(0.2, request.runs[self.gate])
         self.requests.finish(request, is_complete)
@@ -64,15 +64,15 @@ def bench():
 
 
 def test_one_drive_at_a_time(bench):
-    first = bench.requests.accept()
+    first = bench.requests.accept([bench.gate])
     with pytest.raises(MotionRefusedError, match='running already'):
-        bench.requests.accept()
+        bench.requests.accept([bench.gate])
     bench.requests.finish(first, is_complete=True)
     bench.drive()
 
 
 def test_a_drive_that_has_not_begun_is_ended_by_a_stop(bench):
-    request = bench.requests.accept()
+    request = bench.requests.accept([bench.gate])
     bench.stop_from_outside()
     with pytest.raises(MotionRefusedError, match='from outside'):
         bench.gate.begin(0.2, request.runs[bench.gate])
@@ -89,7 +89,7 @@ def test_a_stop_between_two_movements_that_follow_at_once_refuses_the_second(ben
 
 
 def test_a_stop_at_the_last_moment_of_a_movement_refuses_the_next(bench):
-    request = bench.requests.accept()
+    request = bench.requests.accept([bench.gate])
     request.period = PERIOD
     bench.gate.begin(0.2, request.runs[bench.gate])
     bench.stop_from_outside()
@@ -128,8 +128,8 @@ def test_of_two_stops_the_first_gives_the_reason(bench):
     bench.drive()
     later = MotionRefusedError('stopped once more')
     for reason in (STOPPED, later):
-        thread = threading.Thread(target=bench.requests.on_stop, args=(reason,))
+        thread = threading.Thread(target=bench.requests.on_stop, args=(reason, [bench.gate]))
         thread.start()
         thread.join()
     with pytest.raises(MotionRefusedError, match='stopped from outside'):
-        bench.requests.accept()
+        bench.requests.accept([bench.gate])

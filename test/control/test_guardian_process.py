@@ -19,6 +19,7 @@ import tempfile
 
 from kachaka_simple_control.control.guardian import GuardianProcess
 from kachaka_simple_control.control.guardian_memory import GuardianMemory
+from kachaka_simple_control.control.preparation import complete
 from kachaka_simple_control.control.processes import boottime, is_running
 from kachaka_simple_control.control.watchdog import GuardianMessage
 from kachaka_simple_control.errors import RunFaultError
@@ -120,20 +121,20 @@ def test_a_heartbeat_is_a_message_once_and_then_in_memory(start, claim, seen):
 def test_the_process_ends_with_its_last_robot(start, claim):
     process = start()
     first, second = (process.add(*ROBOT, claim) for _ in range(2))
-    first.shutdown()
+    complete([first.leave])
     assert is_running(process._process.pid)
     assert second.shared_memory is not None
-    second.shutdown()
+    complete([second.leave])
     assert not is_running(process._process.pid)
     assert process.add(*ROBOT, claim) is None
     assert second.shared_memory is None
-    second.shutdown()  # without effect
+    complete([second.leave])  # without effect
 
 
 def test_a_guardian_that_starts_late_is_not_killed_while_another_robot_needs_it(start, claim):
     process = start('import time; time.sleep(2.5)' + PROGRAM)
     first, second = (process.add(*ROBOT, claim) for _ in range(2))
-    first.shutdown()
+    complete([first.leave])
     assert is_running(process._process.pid)
     second.prime()
     assert wait_until(lambda: second.prime_count)
@@ -143,7 +144,7 @@ def test_nothing_is_sent_for_a_robot_after_it_was_released(start, claim, seen):
     """Its slot may belong to another robot by then, whose run must not be called stopped."""
     process = start()
     first, second = (process.add(*ROBOT, claim) for _ in range(2))
-    first.shutdown()
+    complete([first.leave])
     process._number = 0
     third = process.add(*ROBOT, claim)
     assert third.number == first.number
@@ -163,12 +164,12 @@ def test_a_slot_is_used_again_as_late_as_possible_and_is_then_empty(start, claim
     first, kept = (process.add(*ROBOT, claim) for _ in range(2))
     first.latch.trip(1.0)
     first.heartbeat()
-    first.shutdown()
+    complete([first.leave])
     numbers = []
     for _ in range(GuardianMemory.MAX_ROBOTS - 2):
         following = process.add(*ROBOT, claim)
         numbers.append(following.number)
-        following.shutdown()
+        complete([following.leave])
     assert numbers == [3, 4, 5]
     last = process.add(*ROBOT, claim)
     assert last.number == first.number
@@ -209,7 +210,7 @@ print('left 1', flush=True)
 time.sleep(5.0)
 """)
     slow, other = process.add('/cmd_vel', 1.0, *ROBOT[2:], claim), process.add(*ROBOT, claim)
-    slow.shutdown()
+    complete([slow.leave])
     assert slow.has_left.is_set()
     assert not process.has_ended
     assert other.shared_memory is not None
@@ -219,7 +220,7 @@ def test_a_guardian_that_does_not_leave_a_robot_is_killed(start, claim):
     """Its publisher must be gone before the robot is released; it guards no other robot either."""
     process = start('import time; time.sleep(60)')
     first, second = (process.add(*ROBOT, claim) for _ in range(2))
-    first.shutdown()
+    complete([first.leave])
     wait_until(lambda: process.has_ended)
     with pytest.raises(RunFaultError, match='the guardian is gone'):
         second.heartbeat()

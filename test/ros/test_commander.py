@@ -366,7 +366,7 @@ def test_nothing_starts_or_goes_on_at_the_same_time_as_a_stop(listener, make):
         answer = listener.call(name)
         assert (answer.success, answer.message) == (
             False, 'a stop came at the same time: call again')
-    assert not node.commander.is_driving
+    assert not node.commander.is_driving()
     assert node.speed_factor == 0.0
     count, now[0] = len(listener.received), now[0] + 0.002
     for name in ('resume', 'run'):

@@ -127,7 +127,7 @@ def run_guardian(*command):
         try:
             yield process, guardian
         finally:
-            guardian.shutdown()
+            complete([guardian.leave])
 
 
 def search(domain):

@@ -46,7 +46,7 @@ from kachaka_simple_control.control.claims import Claims
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 robot_claim.CLAIM_DISCOVERY_TIME = robot_claim.CLAIM_SETTLE_TIME = 0.0
 Claims.blocking_claim = lambda self, now: None
-ForeignMessages.detect = lambda self, *check: False
+ForeignMessages.detect = lambda self, *_: (yield from ())
 """
 
 

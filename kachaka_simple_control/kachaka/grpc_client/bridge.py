@@ -186,13 +186,14 @@ class GrpcBridge(BridgeNode):
     def _publish_diagnostics(self) -> None:
         # Each status name starts with the namespace, which distinguishes several robots.
         driver, robot = self._driver, self.get_namespace().strip('/')
+        identity = self._robot.identity
         self._diagnostics.publish(conversions.diagnostics(
-            {f'{robot}: link': connection_status(
+            {(f'{robot}: link', identity): connection_status(
                 driver.connection, str(self._robot.address), driver.round_trip, driver.dropped,
                 time.monotonic()),
-             f'{robot}: robot': robot_status(
+             (f'{robot}: robot', identity): robot_status(
                  driver.connection, self._health.codes, driver.texts)},
-            self.get_clock().now().to_msg(), self._robot.identity))
+            self.get_clock().now().to_msg()))
         if self._health.battery is not None:
             self.publish_battery(self._health.battery)
 
