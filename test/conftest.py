@@ -47,7 +47,7 @@ restore_signals()
 
 #: The real-time tests that are quick enough to be run one after the other: how a robot is found,
 #: driven and stopped.
-CORE = ('test_lesson', 'test_parameters', 'test_session', 'test_stop', 'test_guardian')
+CORE = ('test_lesson', 'test_parameters', 'test_robot', 'test_stop', 'test_guardian')
 
 
 @pytest.fixture

@@ -128,7 +128,8 @@ class Listener:
 
     def call(self, name: str) -> Trigger.Response:
         """Call a service of the node under test; fail without a response."""
-        client = self._node.create_client(Trigger, f'/kachaka_simple_control/{name}')
+        client = self._node.create_client(
+            Trigger, name if name.startswith('/') else f'/kachaka_simple_control/{name}')
         try:
             assert client.wait_for_service(10.0), f'there is no service {client.srv_name}'
             answer = client.call_async(Trigger.Request())

@@ -27,9 +27,9 @@ import threading
 from typing import TYPE_CHECKING
 import webbrowser
 
+from kachaka_simple_control.console.console import Console, DriveFactory
 from kachaka_simple_control.console.drive_process import drive_command, DriveProcess
 from kachaka_simple_control.console.folder import Folder, FolderError
-from kachaka_simple_control.console.hub import DriveFactory, Hub
 from kachaka_simple_control.console.preview import PreviewWorker
 from kachaka_simple_control.console.reports import Reports
 from kachaka_simple_control.console.running_drive import RunningDrive
@@ -119,7 +119,7 @@ def needs_token(options: argparse.Namespace) -> bool:
 
 
 def drive_factory(options: argparse.Namespace, reports: Reports) -> DriveFactory:
-    """Return a function that makes the drive process of a hub."""
+    """Return a function that makes the drive process of a console."""
     if options.beside is not None:
         return partial(RunningDrive, *options.beside)
     return partial(
@@ -226,31 +226,31 @@ async def _run(
     except FolderError as error:
         raise ExitError(BAD_USAGE, error) from None
     tokens = Tokens() if needs_token(options) else None
-    hub = Hub(make_drive, folder, PreviewWorker(options.robot), reports)
+    console = Console(make_drive, folder, PreviewWorker(options.robot), reports)
     try:
-        server = _server(hub, options, tokens)
+        server = _server(console, options, tokens)
     except (OSError, UnicodeError) as error:
         reason = listen_problem(error, '--port')
         where = f'{escaped(options.host, 60)}:{options.port}'
         raise ExitError(BAD_USAGE, f'cannot listen at {where}: {reason}') from None
-    hub.start()
+    console.start()
     try:
         link = _print_links(options, server.port, tokens)
         if not options.no_browser and _has_screen():
             # Some browsers return only when they are closed.
             threading.Thread(target=webbrowser.open, args=(link,), daemon=True).start()
-        if isinstance(hub.drive, RunningDrive):
-            await _until_over(hub.drive, ended)
+        if isinstance(console.drive, RunningDrive):
+            await _until_over(console.drive, ended)
         else:
             await ended.wait()
     finally:
         # The drive process first: without its console it must not go on.
-        await hub.close()
+        await console.close()
         await server.close()
     return SIGNALLED + signals[0] if signals else DONE
 
 
-def _server(hub: Hub, options: argparse.Namespace, tokens: Tokens | None) -> ConsoleServer:
+def _server(console: Console, options: argparse.Namespace, tokens: Tokens | None) -> ConsoleServer:
     # It imports tornado, which may be missing.
     from kachaka_simple_control.console.server import ConsoleServer
     names = tuple(options.allow_host)
@@ -258,8 +258,8 @@ def _server(hub: Hub, options: argparse.Namespace, tokens: Tokens | None) -> Con
         if options.beside is not None:
             # Another drive may have its page there.
             stack.enter_context(contextlib.suppress(OSError))
-        return ConsoleServer(hub, options.host, options.port, tokens, names)
-    return ConsoleServer(hub, options.host, 0, tokens, names)
+        return ConsoleServer(console, options.host, options.port, tokens, names)
+    return ConsoleServer(console, options.host, 0, tokens, names)
 
 
 async def _until_over(drive: RunningDrive, ended: asyncio.Event) -> None:

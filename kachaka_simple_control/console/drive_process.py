@@ -25,16 +25,14 @@ from collections import deque
 from collections.abc import Callable, Sequence
 import contextlib
 from dataclasses import replace
-import fcntl
 import os
 import re
 import signal
-import struct
 import subprocess
 import sys
-import termios
 from typing import Any, Literal
 
+from kachaka_simple_control.console.command_pipe import CommandPipe
 from kachaka_simple_control.console.protocol import (
     Alive,
     Answer,
@@ -58,8 +56,8 @@ from kachaka_simple_control.text import escaped
 
 #: The module of the drive process.
 MODULE = 'kachaka_simple_control.__main__'
-#: The wanted capacity of the pipe [bytes]: the longest line and some short ones.
-CAPACITY = 262_144
+#: A stop that comes so soon after another, with nothing in between, shares its answer [s].
+SAME_STOP = 0.1
 #: No velocity of the hand is written while so much is unread [bytes]: about four lines.
 MAX_UNREAD = 512
 #: The largest line that is read [bytes]; a longer one is dropped.
@@ -97,10 +95,12 @@ class DriveProcess:
         self._command = command
         self._on_report, self._on_change = on_report, on_change
         self._process: asyncio.subprocess.Process | None = None
-        self._pipe: int | None = None
-        self._rest = b''
+        self._pipe = CommandPipe()
         self._next_id = 0
+        self._sequence = 0
         self._waiting: dict[int, asyncio.Future[Answer]] = {}
+        self._stop: asyncio.Future[Answer] | None = None
+        self._stop_time = 0.0
         self._errors: deque[str] = deque(maxlen=5)
         self._stated_reason: str | None = None
         self._is_released = self._is_closing = False
@@ -117,17 +117,11 @@ class DriveProcess:
             return
         # The pipe comes first: a stop while the process starts waits for it there.
         reading, writing = os.pipe2(os.O_CLOEXEC)
-        self._use_pipe(writing)
-        self._is_released, self._stated_reason, self._rest = False, None, b''
+        self._pipe.open(writing)
+        self._is_released, self._stated_reason = False, None
         self._errors.clear()
         self._change('starting')
         self._spawn(self._run(reading))
-
-    def _use_pipe(self, pipe: int) -> None:
-        self._pipe = pipe
-        os.set_blocking(pipe, False)
-        with contextlib.suppress(OSError):
-            fcntl.fcntl(pipe, getattr(fcntl, 'F_SETPIPE_SZ', 1031), CAPACITY)
 
     def request(self, command: Request) -> asyncio.Future[Answer]:
         """
@@ -138,6 +132,7 @@ class DriveProcess:
 
         :param command: the command; it is sent with a new ``id``
         """
+        self._stop = None  # what is sent now comes after that stop
         self._next_id += 1
         future: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
         command = replace(command, id=self._next_id)
@@ -148,7 +143,7 @@ class DriveProcess:
             return future
         if self.state == 'ended':
             future.set_result(Answer(command.id, False, 'the drive process does not run'))
-        elif self._write(line):
+        elif self._pipe.write(line):
             self._waiting[command.id] = future
             if isinstance(command, Stop):
                 asyncio.get_running_loop().call_later(STOP_PATIENCE, self._insist, command.id)
@@ -160,21 +155,34 @@ class DriveProcess:
                 Answer(command.id, False, 'the drive process does not read its commands'))
         return future
 
+    def stop(self, now: float) -> asyncio.Future[Answer]:
+        """
+        Return the answer of a stop; it is sent, unless the same stop has just been sent.
+
+        Who floods with stops must not fill the pipe, where the next command waits behind them.
+        """
+        if self._stop is None or self._stop.done() or now - self._stop_time >= SAME_STOP:
+            self._stop, self._stop_time = self.request(Stop(0)), now
+        return self._stop
+
     def hand(self, hand: Hand) -> bool:
-        """Send a velocity of the hand, or drop it; return whether it was sent."""
+        """Send a velocity with a new ``sequence``, or drop it; return whether it was sent."""
+        self._stop = None
+        self._sequence += 1
+        hand = replace(hand, sequence=self._sequence)
         is_zero = hand.linear_x == hand.angular_z == 0.0
         # What waits in the pipe would be obeyed late.  A zero never does harm.
-        return (is_zero or self._unread() < MAX_UNREAD) and self._write(write_line(hand))
+        return (is_zero or self._pipe.unread < MAX_UNREAD) and self._pipe.write(write_line(hand))
 
     def keep_alive(self) -> None:
         """Tell the process that a page is open."""
-        if self._unread() < MAX_UNREAD:
-            self._write(write_line(Alive()))
+        if self._pipe.unread < MAX_UNREAD:
+            self._pipe.write(write_line(Alive()))
 
     async def close(self) -> None:
         """End the process: close its pipe, and send it signals only if it does not end by that."""
         self._is_closing = True
-        self._close_pipe()
+        self._pipe.close()
         while self._process is None and self._tasks:  # it is being started
             await asyncio.sleep(POLL_PERIOD)
         process = self._process
@@ -209,7 +217,7 @@ class DriveProcess:
                 *self._command(), stdin=reading, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 limit=STREAM_LIMIT, env=child_environment())
         except OSError as error:
-            self._close_pipe()
+            self._pipe.close()
             self._end(f'the drive process cannot be started: {error.strerror}')
             return
         finally:
@@ -220,7 +228,7 @@ class DriveProcess:
             self._read(process.stdout, self._take_report),
             self._read(process.stderr, self._take_log))
         code = await process.wait()
-        self._close_pipe()
+        self._pipe.close()
         self._process = None
         is_again = self._is_released and code == 0 and not self._is_closing
         self._end(None if is_again else self._reason_of(code))
@@ -306,47 +314,6 @@ class DriveProcess:
         self._on_report(Log('error', f'the drive process gets SIGINT, because {why}'))
         with contextlib.suppress(ProcessLookupError):
             self._process.send_signal(signal.SIGINT)
-
-    def _unread(self) -> int:
-        """Return how many bytes of the pipe the process has not read."""
-        if self._pipe is None:
-            return 0
-        data = fcntl.ioctl(self._pipe, termios.FIONREAD, b'\0' * 4)
-        return len(self._rest) + int(struct.unpack('i', data)[0])
-
-    def _write(self, line: bytes) -> bool:
-        """Write a line, completely or not at all; return whether it was written."""
-        if self._pipe is None or self._rest:
-            return False
-        try:
-            count = os.write(self._pipe, line)
-        except BlockingIOError:
-            return False
-        except OSError:  # the process ends
-            return False
-        if count < len(line):
-            # Only a line of more than a page can be cut.  Its rest must follow before any other.
-            self._rest = line[count:]
-            asyncio.get_running_loop().add_writer(self._pipe, self._write_rest)
-        return True
-
-    def _write_rest(self) -> None:
-        if self._pipe is None:
-            return
-        try:
-            self._rest = self._rest[os.write(self._pipe, self._rest):]
-        except BlockingIOError:
-            return
-        except OSError:
-            self._rest = b''
-        if not self._rest:
-            asyncio.get_running_loop().remove_writer(self._pipe)
-
-    def _close_pipe(self) -> None:
-        if self._pipe is not None:
-            asyncio.get_running_loop().remove_writer(self._pipe)
-            os.close(self._pipe)
-            self._pipe = None
 
 
 def drive_command(options: Sequence[str], more: Callable[[], list[str]]) -> list[str]:

@@ -12,20 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The open pages of a console: their rates, and the state that each has been sent.
+The open pages of a console: their rates, the state that each has been sent, and the log.
 
 Tested by test/console/test_server_security.py.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
 from kachaka_simple_control.console.messages import Message
 from kachaka_simple_control.console.page_protocol import PageState, StateChanges
+from kachaka_simple_control.console.protocol import Log
 from kachaka_simple_control.console.security import HAND_RATE, OTHER_RATE, RateLimit
+
+#: How many lines of the log a new page gets.
+LOG_LENGTH = 50
 
 
 class Page(Protocol):
@@ -61,6 +66,8 @@ class OpenPages:
     """The open pages; iterating gives each ``Page``."""
 
     def __init__(self) -> None:
+        #: the last lines of the log, for a new page
+        self.log_lines: deque[Log] = deque(maxlen=LOG_LENGTH)
         self._pages: dict[Page, OpenPage] = {}
 
     def __iter__(self) -> Iterator[Page]:
@@ -92,6 +99,11 @@ class OpenPages:
         for page, entry in tuple(self._pages.items()):
             if entry.shown is not None:
                 page.send(message)
+
+    def log(self, line: Log) -> None:
+        """Send each page a line of the log, and keep it for new ones."""
+        self.log_lines.append(line)
+        self.send(line)
 
     def show(self, state: PageState, driver: Page | None) -> None:
         """

@@ -20,12 +20,12 @@ Tested by test/console/test_server.py.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterable
 from functools import partial
 from typing import Any, TypeVar
 
 from kachaka_simple_control.console.folder import FileExistsInFolderError, Folder, FolderError
-from kachaka_simple_control.console.open_pages import Page
+from kachaka_simple_control.console.open_pages import OpenPages, Page
 from kachaka_simple_control.console.page_protocol import (
     AskPreview,
     FileText,
@@ -46,9 +46,7 @@ T = TypeVar('T')
 class PageWork:
     """The work for the pages that takes time."""
 
-    def __init__(
-            self, folder: Folder, previews: PreviewWorker,
-            pages: Callable[[], tuple[Page, ...]]) -> None:
+    def __init__(self, folder: Folder, previews: PreviewWorker, pages: OpenPages) -> None:
         self.folder_name = folder.name
         self._folder, self._previews, self._pages = folder, previews, pages
         self._tasks: set[asyncio.Task[None]] = set()
@@ -111,7 +109,7 @@ class PageWork:
 
     async def _preview(self, page: Page) -> None:
         try:
-            while (ask := self._asked.pop(page, None)) is not None and page in self._pages():
+            while (ask := self._asked.pop(page, None)) is not None and page in self._pages:
                 page.send(await self._previews.preview(ask))
         finally:
             self._planned_for.discard(page)
@@ -126,7 +124,7 @@ class PageWork:
                 may_overwrite=isinstance(error, FileExistsInFolderError)))
             return
         page.send(PageAnswer(message.id, True, f'{message.file} is saved'))
-        await self._list(self._pages(), None)
+        await self._list(self._pages, None)
 
     async def _open(self, page: Page, message: OpenFile) -> None:
         try:
@@ -136,7 +134,7 @@ class PageWork:
         else:
             page.send(FileText(message.id, message.name, text))
 
-    async def _list(self, pages: tuple[Page, ...], number: int | None) -> None:
+    async def _list(self, pages: Iterable[Page], number: int | None) -> None:
         motions = await self.motions()
         for page in pages:
             page.send(Motions(number, motions))

@@ -15,12 +15,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import asyncio
+from collections.abc import Callable, Coroutine, Iterable
+from datetime import datetime
+from functools import partial
+from typing import Any
 
 from kachaka_simple_control.console.folder import MAX_TEXT
+from kachaka_simple_control.console.open_pages import OpenPages, Page
+from kachaka_simple_control.console.page_protocol import Recorded
+from kachaka_simple_control.console.page_work import in_thread
+from kachaka_simple_control.console.protocol import Log
+from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.motion_file import dump
 from kachaka_simple_control.motion.steps import Motion, Move
 
+#: How long a recording waits for the last segments after its end [s].
+LAST_SEGMENTS = 0.3
 #: The bytes of the text without the steps, at most.
 _HEAD = 1000
 
@@ -71,3 +82,65 @@ class Recording:
         """Return the text of a motion file; empty if nothing was driven."""
         motion = self.motion(name, description)
         return '' if motion is None else dump(motion)
+
+
+class Recorder:
+    """
+    Begins and ends the recordings of a console, and sends each to the page that has driven.
+
+    :param spawn: begins a task that ends with the console
+    :param on_change: is called when ``is_on`` has changed
+    """
+
+    def __init__(
+            self, pages: OpenPages, spawn: Callable[[Coroutine[Any, Any, None]], None],
+            on_change: Callable[[], None]) -> None:
+        self._pages, self._spawn, self._on_change = pages, spawn, on_change
+        self._recording: Recording | None = None
+
+    @property
+    def is_on(self) -> bool:
+        """Return whether the hand is recorded."""
+        return self._recording is not None
+
+    def switch(self, page: Page, is_on: bool) -> tuple[bool, str]:
+        """Begin or end a recording for a page; return whether that is done, and a text."""
+        if is_on:
+            self._recording = Recording()
+        elif self._recording is None:
+            return False, 'nothing is recorded'
+        else:
+            self.finish(page)
+        self._on_change()
+        return True, 'recording' if is_on else 'recorded'
+
+    def take(self, segments: Iterable[tuple[float, float, float]], driver: Page | None) -> None:
+        """Record segments if a recording is on; when it is full, the page that drives gets it."""
+        if self._recording is None:
+            return
+        try:
+            self._recording.add(segments)
+        except InvalidMotionError as error:
+            self._pages.log(Log('error', f'a segment cannot be recorded: {error}'))
+        if self._recording.is_full and driver is not None:
+            self._pages.log(Log(
+                'warning', 'the recording has ended: a motion has no room for more'))
+            self.finish(driver)
+
+    def finish(self, page: Page) -> None:
+        """End the recording, if one is on; a page gets its text a little later."""
+        if self._recording is not None:
+            self._spawn(self._finish(page, self._recording))
+
+    async def _finish(self, page: Page, recording: Recording) -> None:
+        # The last velocity is reported when the next one is sent.
+        await asyncio.sleep(LAST_SEGMENTS)
+        if self._recording is not recording:
+            return
+        self._recording = None
+        self._on_change()
+        now = datetime.now().astimezone()
+        text = await in_thread(partial(
+            recording.text, f'hand {now:%Y-%m-%d %H.%M.%S}',
+            f'Driven by hand on {now:%Y-%m-%d} at {now:%H:%M:%S}.'))
+        page.send(Recorded(text))

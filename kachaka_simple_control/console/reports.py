@@ -14,7 +14,7 @@
 """
 The reports of the drives of a console: a folder for each drive process.
 
-Tested by test/console/test_hub.py.
+Tested by test/console/test_server.py.
 """
 
 from __future__ import annotations

@@ -47,8 +47,8 @@ class RunningDrive(DriveProcess):
 
     def start(self) -> None:
         """Begin to exchange lines."""
-        if self._pipe is None and not self.has_ended.is_set():
-            self._use_pipe(self._commands)
+        if self.state == 'ended' and not self.has_ended.is_set():
+            self._pipe.open(self._commands)
             self._change('starting')
             self._spawn(self._read_reports())
 
@@ -57,7 +57,7 @@ class RunningDrive(DriveProcess):
         await asyncio.get_running_loop().connect_read_pipe(
             lambda: asyncio.StreamReaderProtocol(reader), os.fdopen(self._reports, 'rb', 0))
         await self._read(reader, self._take_report)
-        self._close_pipe()
+        self._pipe.close()
         self._end(self._stated_reason or 'the drive has ended')
         self.has_ended.set()
 

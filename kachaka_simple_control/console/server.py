@@ -22,7 +22,7 @@ from mimetypes import guess_type
 import socket
 from typing import Any
 
-from kachaka_simple_control.console.hub import Hub
+from kachaka_simple_control.console.console import Console
 from kachaka_simple_control.console.messages import Message, MessageError, to_json
 from kachaka_simple_control.console.page_protocol import MAX_SENT
 from kachaka_simple_control.console.protocol import Log
@@ -174,12 +174,12 @@ class ReportHandler(_Guarded):
 class PageSocket(_Guarded, tornado.websocket.WebSocketHandler):
     """The WebSocket of a page."""
 
-    hub: Hub
+    console: Console
 
-    def initialize(self, access: Access, hub: Hub) -> None:  # type: ignore[override]
+    def initialize(self, access: Access, console: Console) -> None:  # type: ignore[override]
         """Set what all handlers of this kind share."""
         super().initialize(access)
-        self.hub = hub
+        self.console = console
         self._role: str | None = None
         self._unsent = 0
         self._is_open = False
@@ -193,7 +193,7 @@ class PageSocket(_Guarded, tornado.websocket.WebSocketHandler):
             self._refuse(403, 'this request comes from another site')
         elif self._role is None:
             self._refuse(403, 'open the link that the console has printed')
-        elif self.hub.page_count >= MAX_PAGES:
+        elif len(self.console.pages) >= MAX_PAGES:
             self._refuse(503, f'{MAX_PAGES} pages are open; close one')
         else:
             await super().get(*args, **kwargs)
@@ -217,11 +217,11 @@ class PageSocket(_Guarded, tornado.websocket.WebSocketHandler):
         self.set_nodelay(True)
         self._is_open = True
         self._take_turns()
-        self.hub.open_page(self)
+        self.console.open_page(self)
 
     def on_message(self, message: str | bytes) -> None:
         """Handle a message."""
-        self.hub.receive(self, message)
+        self.console.receive(self, message)
 
     def _take_turns(self) -> None:
         """
@@ -242,7 +242,7 @@ class PageSocket(_Guarded, tornado.websocket.WebSocketHandler):
     def on_close(self) -> None:
         """Forget the page."""
         self._is_open = False
-        self.hub.close_page(self)
+        self.console.close_page(self)
 
     def send(self, message: Message) -> None:
         """Send a message to the page; close a page that does not take its messages."""
@@ -277,7 +277,7 @@ class PageSocket(_Guarded, tornado.websocket.WebSocketHandler):
 
 class ConsoleServer:
     """
-    The web server of a hub.
+    The web server of a console.
 
     :param port: the port; 0 for any that is free
     :param tokens: the secrets of the links; None if everybody who can connect may drive
@@ -285,15 +285,15 @@ class ConsoleServer:
     """
 
     def __init__(
-            self, hub: Hub, host: str = '127.0.0.1', port: int = 0, tokens: Tokens | None = None,
-            names: tuple[str, ...] = ()) -> None:
+            self, console: Console, host: str = '127.0.0.1', port: int = 0,
+            tokens: Tokens | None = None, names: tuple[str, ...] = ()) -> None:
         self.sockets = tornado.netutil.bind_sockets(port, host, socket.AF_UNSPEC)
         self.port: int = self.sockets[0].getsockname()[1]
         self.access = Access(allowed_hosts(host, self.port, names), tokens, self.port)
         application = tornado.web.Application(
-            [(r'/ws', PageSocket, {'access': self.access, 'hub': hub}),
+            [(r'/ws', PageSocket, {'access': self.access, 'console': console}),
              (r'/report/(\d{1,6})', ReportHandler,
-              {'access': self.access, 'reports': hub.reports}),
+              {'access': self.access, 'reports': console.reports}),
              (r'/(.*)', FileHandler, {'access': self.access, 'pages': static_files()})],
             websocket_max_message_size=MAX_MESSAGE, websocket_ping_interval=PING_PERIOD,
             websocket_ping_timeout=PING_PERIOD, log_function=lambda _: None)

@@ -26,14 +26,14 @@ import errno
 import hashlib
 import json
 import os
-from queue import SimpleQueue
+import selectors
 import socket
 import struct
 import sys
 import threading
-import time
 import weakref
 
+from kachaka_simple_control.control.preparation import Moment, pause, Steps
 from kachaka_simple_control.control.processes import call_in_forked_children, is_running
 from kachaka_simple_control.control.timing import (
     CLAIM_ANSWER_TIMEOUT,
@@ -83,13 +83,9 @@ class MachineClaim:
     def __init__(self) -> None:
         self._socket = socket.socket(socket.AF_UNIX)
         self._is_held = False
-        #: the description of this program; empty if the claim was never taken
-        self._who: SimpleQueue[str] = SimpleQueue()
-        # Started here, because since Python 3.12 no thread can start after the main thread has
-        # ended, and another thread may begin to drive then.
-        threading.Thread(
-            target=_serve, args=(self._socket, self._who), name='claim', daemon=True).start()
-        weakref.finalize(self, self._who.put, '').atexit = False
+        _answers.join(self._socket)
+        self._leave = weakref.finalize(self, _answers.leave, self._socket)
+        self._leave.atexit = False
         call_in_forked_children(self._close_in_child)
 
     def fileno(self) -> int:
@@ -99,7 +95,7 @@ class MachineClaim:
     def _close_in_child(self) -> None:
         self._socket.close()
 
-    def take(self, name: str, who: str) -> None:
+    def take(self, moment: Moment, name: str, who: str) -> Steps[None]:
         """
         Take the claim on a robot, unless this object holds it already.
 
@@ -111,23 +107,23 @@ class MachineClaim:
         """
         if self._is_held or not sys.platform.startswith('linux'):
             return
-        end = time.monotonic() + GUARDIAN_LEAVE_TIMEOUT
+        end = moment.now + GUARDIAN_LEAVE_TIMEOUT
         address = _address(name)
         while not self._bind(address):
             holder, process, is_answering = _holder(address)
-            if is_answering or process == 0 or is_running(process) or time.monotonic() > end:
+            if is_answering or process == 0 or is_running(process) or moment.now > end:
                 raise ClaimedError(holder, process == os.getpid())
-            time.sleep(CLAIM_RETRY_PERIOD)
+            yield from pause(moment, CLAIM_RETRY_PERIOD, 'the guardian of the program before')
         self._is_held = True
-        self._who.put(who)
+        _answers.serve(self._socket, who)
 
     def release(self) -> None:
         """Close the socket for good; a child that has inherited it keeps the claim."""
-        # close() alone does not wake the thread in accept(), and the socket would stay open.
+        self._leave()
+        # The guardian may still have it open, and those that connect must not wait for an answer.
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
-        self._who.put('')
 
     def _bind(self, address: bytes) -> bool:
         try:
@@ -169,16 +165,70 @@ def _holder(address: bytes) -> tuple[str, int, bool]:
     return f'process {process}, which does not answer', process, False
 
 
-def _serve(server: socket.socket, taken: SimpleQueue[str]) -> None:
-    """Send the description of this program to each client, until the claim is released."""
-    who = taken.get()
-    while who:
-        try:
-            client, _ = server.accept()
-        except OSError:
-            return
-        with client, contextlib.suppress(OSError):
-            client.sendall(who.encode())
+class _Answers:
+    """Describes this program to those that ask for its claims, in one thread for all of them."""
+
+    def __init__(self) -> None:
+        self._begin()
+        call_in_forked_children(self._begin)
+
+    def _begin(self) -> None:
+        self._lock = threading.Lock()
+        self._sockets: set[socket.socket] = set()
+        self._selector: selectors.BaseSelector | None = None
+
+    def join(self, server: socket.socket) -> None:
+        """Prepare to answer at a socket, which is not bound yet."""
+        with self._lock:
+            self._sockets.add(server)
+            if self._selector is None:
+                self._selector = selectors.DefaultSelector()
+                reader, self._writer = socket.socketpair()
+                self._selector.register(reader, selectors.EVENT_READ)
+                # Started here, because since Python 3.12 no thread can start after the main thread
+                # has ended, and another thread may begin to drive then.
+                threading.Thread(
+                    target=self._run, args=(self._selector, reader), name='claims, this machine',
+                    daemon=True).start()
+
+    def serve(self, server: socket.socket, who: str) -> None:
+        """
+        Answer at a socket that listens now.
+
+        :param who: the answer
+        """
+        with self._lock:
+            if self._selector is not None:
+                server.setblocking(False)
+                self._selector.register(server, selectors.EVENT_READ, who.encode())
+
+    def leave(self, server: socket.socket) -> None:
+        """Answer no more at a socket; end the thread after the last one."""
+        with self._lock:
+            self._sockets.discard(server)
+            if self._selector is None:
+                return
+            with contextlib.suppress(KeyError, ValueError):  # it was never served
+                self._selector.unregister(server)
+            if not self._sockets:
+                self._selector = None
+                self._writer.close()
+
+    @staticmethod
+    def _run(selector: selectors.BaseSelector, closed: socket.socket) -> None:
+        with selector, closed:
+            while True:
+                for key, _ in selector.select():
+                    if key.fileobj is closed:
+                        return
+                    assert isinstance(key.fileobj, socket.socket)
+                    with contextlib.suppress(OSError):  # the client is gone already
+                        client, _ = key.fileobj.accept()
+                        with client:
+                            client.sendall(key.data)
+
+
+_answers = _Answers()
 
 
 @dataclass(frozen=True)

@@ -223,7 +223,7 @@ class SimulatedBridge(BridgeNode):
     def _log_place(self, now: float) -> None:
         self._is_place_logged = True
         pose, _ = self._robot.state(now)
-        which = 'true ' if self._robot.has_wrong_odometry else ''
+        which = 'true ' if self._robot.parameters.floor is not None else ''
         self.get_logger().info(
             which + pose_text(pose, 'as seen from where it was started'))
 

@@ -112,11 +112,12 @@ class Commander:
         return request
 
     def drive(
-            self, orders: Mapping[Robot, DriveOrder],
-            request: DriveRequest | None = None) -> None:
+            self, orders: Mapping[Robot, DriveOrder], request: DriveRequest | None = None,
+            goes_on: bool = False) -> None:
         """
         Plan motions, drive the robots through them, all from one t = 0, and leave them at rest.
 
+        :param goes_on: whether a fault of one robot ends its drive alone, and not those of all
         :raises InvalidMotionError: if a robot cannot do its motion; none has moved then
         :raises ControlError: if there is no control of a robot, or the drive ended early
         """
@@ -127,7 +128,7 @@ class Commander:
                     order.motion, order.limits, order.rate, time.monotonic(), order.plan))
             accepted.period = min(order.plan.period for order in orders.values())
             Drive([RobotTask(robot, TickScheduler(order.plan), order.plan.period, order.corrected)
-                   for robot, order in orders.items()]).run()
+                   for robot, order in orders.items()], goes_on).run()
 
     def drive_source(
             self, robot: Robot, title: str, source: VelocitySource, period: float,

@@ -102,8 +102,9 @@ class Drive:
             task.robot.begin(task.source, t0, task.period, task.corrected)
 
         def go_on(drive: RobotDrive, error: Exception) -> None:
-            self._failed[robots[drive]] = error
-            robots[drive].stop_later()
+            robot = robots[drive]
+            self._failed[robot] = robot.named(error) if isinstance(error, ControlError) else error
+            robot.stop_later()
 
         try:
             loop.run([*robots], go_on if self._goes_on else None)

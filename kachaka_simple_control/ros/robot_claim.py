@@ -95,7 +95,7 @@ class RobotClaim:
         who = f'{self._node_name} (process {os.getpid()}'
         since = f'since {time.strftime("%H:%M:%S")})'
         try:
-            self._machine.take(self._name, f'{who}, {since}')
+            yield from self._machine.take(moment, self._name, f'{who}, {since}')
         except ClaimedError as error:
             if error.is_own:
                 raise RobotTakenError(self._own_text) from None

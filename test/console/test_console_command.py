@@ -104,7 +104,7 @@ def test_reports_that_no_drive_could_write_are_one_line(
 
 
 def test_the_console_needs_no_ros():
-    code = ('import sys; from kachaka_simple_control.console import console_command, hub, server; '
+    code = ('import sys; from kachaka_simple_control.console import console_command, server; '
             'sys.exit(any(name.partition(".")[0] in ("rclpy", "geometry_msgs") '
             'for name in sys.modules))')
     pytest.importorskip('tornado')

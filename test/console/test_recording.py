@@ -15,13 +15,16 @@
 
 from __future__ import annotations
 
+import asyncio
 from itertools import groupby
 from math import fsum
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.console.folder import MAX_TEXT
-from kachaka_simple_control.console.recording import Recording
+from kachaka_simple_control.console.open_pages import OpenPages
+from kachaka_simple_control.console.page_protocol import Recorded
+from kachaka_simple_control.console.recording import Recorder, Recording
 from kachaka_simple_control.files.motion_file import loads
 import pytest
 
@@ -71,3 +74,39 @@ def test_a_recording_fits_into_a_file_of_the_folder():
     assert recording.is_full
     text = recording.text('hand', 'Driven by hand.')
     assert 0.9 * MAX_TEXT < len(text) <= MAX_TEXT
+
+
+class FakePage:
+    """A page that keeps the recordings that it is sent."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def send(self, message: Recorded) -> None:
+        """Keep the text of a recording."""
+        self.texts.append(message.text)
+
+
+def test_a_page_gets_its_recording_with_the_last_segment_and_a_newer_one_goes_on(
+        monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr('kachaka_simple_control.console.recording.LAST_SEGMENTS', 0.0)
+
+    async def scenario() -> None:
+        tasks, shown, page = [], [], FakePage()
+        recorder = Recorder(OpenPages(), tasks.append, lambda: shown.append(recorder.is_on))
+        assert not recorder.switch(page, False)[0]
+        assert recorder.switch(page, True)[0]
+        recorder.take([(0.1, 0.0, 0.5)], page)
+        recorder.finish(page)
+        recorder.take([(0.2, 0.0, 0.5)], page)
+        await tasks.pop()
+        assert [0.1, 0.2] == [step.linear_x for step in loads(page.texts[0]).motion.steps]
+        assert [True, False] == shown
+        recorder.switch(page, True)
+        recorder.finish(page)
+        recorder.switch(page, True)  # begun anew before the end of the old one
+        await tasks.pop()
+        assert recorder.is_on
+        assert len(page.texts) == 1
+
+    asyncio.run(scenario())

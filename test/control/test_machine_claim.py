@@ -14,6 +14,7 @@
 """One program on a machine holds a claim: by real processes and the kernel."""
 
 import contextlib
+from functools import partial
 import os
 import signal
 import subprocess
@@ -22,6 +23,7 @@ import time
 import uuid
 
 from kachaka_simple_control.control.claims import ClaimedError, MachineClaim
+from kachaka_simple_control.control.preparation import complete
 from kachaka_simple_control.control.processes import is_stopped
 from program import environment
 import pytest
@@ -34,10 +36,11 @@ pytestmark = pytest.mark.skipif(
 HOLDER = """
 import sys
 from kachaka_simple_control.control.claims import ClaimedError, MachineClaim
+from kachaka_simple_control.control.preparation import complete
 claim = MachineClaim()
 sys.stdin.readline()
 try:
-    claim.take(sys.argv[1], f'holder {sys.argv[2]}')
+    complete([lambda moment: claim.take(moment, sys.argv[1], f'holder {sys.argv[2]}')])
 except ClaimedError as error:
     print(f'refused: {error}', flush=True)
 else:
@@ -75,12 +78,17 @@ def go(process):
     process.stdin.flush()
 
 
+def take(claim, name, who):
+    """Take a claim."""
+    complete([partial(claim.take, name=name, who=who)])
+
+
 def refused(name):
     """Return the message of a claim that is refused."""
     claim = MachineClaim()
     try:
         with pytest.raises(ClaimedError) as caught:
-            claim.take(name, 'newcomer')
+            take(claim, name, 'newcomer')
         return str(caught.value)
     finally:
         claim.release()
@@ -89,7 +97,7 @@ def refused(name):
 def take_and_release(name):
     """Take the claim, which must be free, and release it."""
     claim = MachineClaim()
-    claim.take(name, 'newcomer')
+    take(claim, name, 'newcomer')
     claim.release()
 
 
@@ -117,7 +125,7 @@ def test_a_program_that_is_frozen_keeps_it(name):
 def test_a_process_that_inherited_it_keeps_it_after_its_parent_released_it(name):
     """As a guardian does, until it has stopped the robot; a newcomer waits for that."""
     first = MachineClaim()
-    first.take(name, 'first')
+    take(first, name, 'first')
     with subprocess.Popen(
             [sys.executable, '-c', 'import sys; sys.stdin.read()'], stdin=subprocess.PIPE,
             pass_fds=[first.fileno()]) as guardian:
@@ -136,7 +144,7 @@ def test_a_process_that_inherited_it_keeps_it_after_its_parent_released_it(name)
 
 def test_a_child_that_was_forked_does_not_keep_it(name):
     claim = MachineClaim()
-    claim.take(name, 'parent')
+    take(claim, name, 'parent')
     reader, writer = os.pipe()
     pid = os.fork()
     if pid == 0:
@@ -160,7 +168,7 @@ def _is_free(name):
 
 def test_taking_it_twice_is_harmless_and_another_object_is_refused(name):
     claim = MachineClaim()
-    claim.take(name, 'one')
-    claim.take(name, 'one')
+    take(claim, name, 'one')
+    take(claim, name, 'one')
     assert refused(name) == 'one'
     claim.release()

@@ -37,7 +37,7 @@ node.move_robot({speed}, 0.0, {duration})
 ELSEWHERE = """
 from kachaka_simple_control.control.claims import MachineClaim
 from kachaka_simple_control.ros import robot_claim
-MachineClaim.take = lambda self, name, who: None
+MachineClaim.take = lambda self, *_: (yield from ())
 robot_claim.is_localhost_only = lambda: False
 """
 #: A program that discovers others only when it is too late.

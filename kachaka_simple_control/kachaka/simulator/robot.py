@@ -74,7 +74,7 @@ class SimulatedKachaka:
     def __init__(
             self, start: float = 0.0, parameters: SimulationParameters = IDEAL,
             docked: bool = False, seed: int = 0) -> None:
-        self._parameters = parameters
+        self.parameters = parameters
         self._drive = DriveModel(parameters, start, seed)
         self._now = start
         self._is_docked = docked
@@ -215,7 +215,7 @@ class SimulatedKachaka:
 
     def actions_to_dock(self, now: float) -> tuple[Action, ...]:
         """Return the motions that bring the robot to its charging dock; none if it is docked."""
-        parameters = self._parameters
+        parameters = self.parameters
         return () if self.is_docked(now) else plan_docking(
             self.dock, parameters.undock_distance, parameters.undock_velocity)
 
@@ -236,11 +236,6 @@ class SimulatedKachaka:
     def odometry(self, now: float) -> tuple[Pose, Velocity]:
         """Return the pose and the velocity in the robot's odometry; the pose has random noise."""
         return self._drive.odometry_at(self._advance(now))
-
-    @property
-    def has_wrong_odometry(self) -> bool:
-        """Return whether odometry has systematic errors, such as a wrong wheel diameter."""
-        return self._parameters.floor is not None
 
     def _advance(self, now: float) -> float:
         """Simulate the robot until a time; return the latest time so far."""
@@ -268,7 +263,7 @@ class SimulatedKachaka:
             if self._is_docked and task.moves:
                 self._is_docked = False
                 self._tasks.prepend(drive_straight(
-                    self._parameters.undock_distance, self._parameters.undock_velocity))
+                    self.parameters.undock_distance, self.parameters.undock_velocity))
             answer = self._tasks.step(*self._drive.reported_at(now), now)
             if not isinstance(answer, TaskResult):
                 velocity, self._until[TimedState.TASK] = answer
@@ -285,6 +280,6 @@ class SimulatedKachaka:
     def _leave_dock(self, now: float) -> None:
         if self._is_docked:
             self._is_docked = False
-            velocity = self._parameters.undock_velocity
-            self._until[TimedState.UNDOCKING] = now + self._parameters.undock_distance / velocity
+            velocity = self.parameters.undock_velocity
+            self._until[TimedState.UNDOCKING] = now + self.parameters.undock_distance / velocity
             self._drive.set_target(Velocity(linear_x=velocity), now)

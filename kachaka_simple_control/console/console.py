@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Pass messages between the open pages and the drive process, and decide which ones may pass.
+The console without its network: it passes messages between open pages and drive process.
 
 Everything here happens in the thread of the event loop, and nothing here waits: what takes time
 (files, plans, the end of a recording) is a task of its own.  So a stop is handled as soon as it
@@ -22,13 +22,9 @@ has arrived.
 from __future__ import annotations
 
 import asyncio
-from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from datetime import datetime
-from functools import partial
 import time
-from typing import Literal
 
 from kachaka_simple_control.console.drive_process import DriveProcess
 from kachaka_simple_control.console.folder import Folder, FolderError
@@ -46,12 +42,11 @@ from kachaka_simple_control.console.page_protocol import (
     PageState,
     read_page_message,
     Record,
-    Recorded,
     RunMotion,
     Start,
     Welcome,
 )
-from kachaka_simple_control.console.page_work import in_thread, PageWork
+from kachaka_simple_control.console.page_work import PageWork
 from kachaka_simple_control.console.preview import PreviewWorker
 from kachaka_simple_control.console.protocol import (
     Answer,
@@ -72,27 +67,17 @@ from kachaka_simple_control.console.protocol import (
     Stop,
     Take,
 )
-from kachaka_simple_control.console.recording import Recording
+from kachaka_simple_control.console.recording import Recorder
 from kachaka_simple_control.console.reports import Reports
-from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.version import installed_version
 
 #: How often the drive process hears that a page is open [s].
 ALIVE_PERIOD = 0.25
-#: How long a recording waits for the last segments after its end [s].
-LAST_SEGMENTS = 0.3
-#: A stop that comes so soon after another, with nothing in between, shares its answer [s].
-SAME_STOP = 0.1
-#: How many lines of the log a new page gets.
-LOG_LENGTH = 50
 #: A longer message than any stop; above the rate limit it is dropped unread.
 MAX_STOP = 200
-#: In these states the robot is held, and no motion is driven.
-HELD_STATES = ('ready', 'driving by hand')
-#: In these states the robot is released when nobody has driven it for a while.
-IDLE_STATES = (*HELD_STATES, 'paused')
-#: In these states the lease does not end by itself.
-BUSY_STATES = ('taking', 'driving', 'paused', 'stopping')
+#: A page asks for these by itself, also that of a viewer.
+UNASKED = (AskPreview, OpenFile, ListMotions)
+NEEDS_LEASE = (Take, Release, RunMotion, Resume, Speed, Record)
 NO_LEASE = 'this page does not drive: ask for the lease first'
 BESIDE = (
     'the drive was begun in a terminal; here it can be stopped, paused, resumed and slowed down')
@@ -101,9 +86,9 @@ Outcome = tuple[bool, str]
 DriveFactory = Callable[[Callable[[Report], None], Callable[[], None]], DriveProcess]
 
 
-class Hub:
+class Console:
     """
-    The console without its network: pages on the one side, the drive process on the other.
+    Open pages on the one side, the drive process on the other.
 
     :param make_drive: makes the drive process from two functions: one that is called with each
         report, and one that is called when the state of the process has changed
@@ -114,22 +99,17 @@ class Hub:
             reports: Reports, clock: Callable[[], float] = time.monotonic) -> None:
         self.drive = make_drive(self._take_report, self._process_changed)
         self.lease: HandLease[Page] = HandLease()
-        self.reports = reports
+        self.pages, self.reports = OpenPages(), reports
         self._clock = clock
-        self._pages = OpenPages()
-        self._work = PageWork(folder, previews, lambda: tuple(self._pages))
+        self._work = PageWork(folder, previews, self.pages)
+        self._recorder = Recorder(self.pages, self._work.spawn, self._show)
         self._robot: Robot | None = None
         self._state = State('standing by')
         #: the motion that was started last
         self._driven: Driven | None = None
-        self._recording: Recording | None = None
-        self._logs: deque[Log] = deque(maxlen=LOG_LENGTH)
-        self._sequence = 0
-        self._last_stamp: float | None = None
-        self._was_given_up = False
+        #: the last velocity of the page that has the lease
+        self._last_hand: Hand | None = None
         self._is_releasing = False
-        self._stop: asyncio.Future[Answer] | None = None
-        self._stop_time = 0.0
         self._ticker: asyncio.Task[None] | None = None
 
     def start(self) -> None:
@@ -144,25 +124,20 @@ class Hub:
         await self.drive.close()
         await self._work.close()
 
-    @property
-    def page_count(self) -> int:
-        """Return how many pages are open."""
-        return len(self._pages)
-
     def open_page(self, page: Page) -> None:
         """Take a new page."""
-        self._pages.add(page, self._clock())
+        self.pages.add(page, self._clock())
         self._show()
 
     def close_page(self, page: Page) -> None:
         """Forget a page; if it has driven, a zero is sent at once."""
-        if self._pages.remove(page):
+        if self.pages.remove(page):
             self._lose_lease(page)
             self._show()
 
     def receive(self, page: Page, text: str | bytes) -> None:
         """Handle a message of a page.  A stop is always handled; others only within their rate."""
-        entry = self._pages.find(page)
+        entry = self.pages.find(page)
         if entry is None:
             return
         now = self._clock()
@@ -175,7 +150,7 @@ class Hub:
                 page.send(Log('error', f'a message of this page is invalid: {error}'))
             return
         if isinstance(message, Stop):
-            self._answer_later(page, message, self._stop_answer(now))
+            self._answer_later(page, message, self.drive.stop(now))
         elif isinstance(message, Hand):
             if entry.hand_rate.allows(now):
                 self._take_hand(page, entry, message, now)
@@ -188,81 +163,48 @@ class Hub:
         """
         Pass a velocity on at once, or drop it; it is never kept or sent again.
 
-        The stamp passes unchanged, because only the drive process can tell its age.  The sequence
-        is counted anew: that of another page begins elsewhere.
+        The stamp passes unchanged, because only the drive process can tell its age.
         """
         if self.lease.holder is not page or hand.sequence <= entry.sequence:
             return
         entry.sequence = hand.sequence
         self.lease.note_input(page, now)
-        self._last_stamp = hand.stamp
-        self._send_hand(hand.stamp, hand.linear_x, hand.angular_z)
-
-    def _stop_answer(self, now: float) -> asyncio.Future[Answer]:
-        """
-        Return the answer of a stop; it is sent, unless the same stop has just been sent.
-
-        Who floods with stops must not fill the pipe, where the next command waits behind them.
-        """
-        is_same = (self._stop is not None and not self._stop.done()
-                   and now - self._stop_time < SAME_STOP)
-        if self._stop is None or not is_same:
-            self._stop, self._stop_time = self.drive.request(Stop(0)), now
-        return self._stop
-
-    def _send_hand(self, stamp: float, linear_x: float, angular_z: float) -> None:
-        self._stop = None
-        self._sequence += 1
-        self.drive.hand(Hand(self._sequence, stamp, linear_x, angular_z))
+        self._last_hand = hand
+        self.drive.hand(hand)
 
     def _handle(self, page: Page, entry: OpenPage, message: Message, now: float) -> None:
         if isinstance(message, Hello):
             self._welcome(page, entry)
             return
         assert isinstance(message, Request)
-        refusal = self._refusal(page, message)
-        if refusal:
-            page.send(PageAnswer(message.id, False, refusal))
+        reason = _refusal(page, message, self.lease.holder, self._robot)
+        if reason:
+            self._answer(page, message, (False, reason))
             return
-        self._note_input(page, message, now)
+        if not isinstance(message, UNASKED):
+            self.lease.note_input(page, now)
         match message:
             case Take() | Pause() | Resume() | Speed():
-                self._relay(page, message, message)
+                self._answer_later(page, message, self.drive.request(message))
             case Release():
-                self._stop = None
                 self._answer_later(page, message, self.drive.released())
             case Lease():
                 self._answer(page, message, self._change_lease(page, message.want, now))
             case Start():
                 self._answer(page, message, self._start_again())
             case Record():
-                self._answer(page, message, self._record(page, message.on))
+                self._answer(page, message, self._recorder.switch(page, message.on))
             case RunMotion():
                 self._work.spawn(self._run(page, message))
             case _:
                 self._work.handle(page, message)
-
-    def _note_input(self, page: Page, message: Request, now: float) -> None:
-        # A page asks for these by itself.
-        if not isinstance(message, (AskPreview, OpenFile, ListMotions)):
-            self.lease.note_input(page, now)
-
-    def _refusal(self, page: Page, message: Request) -> str:
-        for_all = isinstance(message, (Pause, AskPreview, OpenFile, ListMotions))
-        if not for_all and not page.may_drive:
-            return ONLY_LOOK
-        if self._robot is not None and not self._robot.is_driven_here:
-            return BESIDE if isinstance(message, (Lease, Start, Record, RunMotion)) else ''
-        needs_lease = isinstance(message, (
-            Take, Release, RunMotion, Resume, Speed, Record))
-        return NO_LEASE if needs_lease and self.lease.holder is not page else ''
 
     def _welcome(self, page: Page, entry: OpenPage) -> None:
         async def welcome() -> None:
             motions = await self._work.motions()
             page.send(Welcome(page.may_drive, installed_version(), self._work.folder_name,
                               self._robot, motions))
-            for line in self._logs:
+            for line in self.pages.log_lines:
                 page.send(line)
             if self._driven is not None:
                 page.send(self._driven)
@@ -270,21 +212,10 @@ class Hub:
             self._show()
         self._work.spawn(welcome())
 
-    def _relay(self, page: Page, message: Request, command: Request) -> asyncio.Future[Answer]:
-        """
-        Send a command to the drive process; its answer goes to the page.
-
-        :returns: the future of the answer
-        """
-        self._stop = None  # what is sent now comes after that stop
-        answer = self.drive.request(command)
-        self._answer_later(page, message, answer)
-        return answer
-
     def _answer_later(
             self, page: Page, message: Request, future: asyncio.Future[Answer]) -> None:
         def send(done: asyncio.Future[Answer]) -> None:
-            if page in self._pages and not done.cancelled():
+            if page in self.pages and not done.cancelled():
                 answer = done.result()
                 page.send(PageAnswer(
                     message.id, answer.is_done, answer.text, answer.is_confirmed))
@@ -295,8 +226,7 @@ class Hub:
 
     def _change_lease(self, page: Page, want: bool, now: float) -> Outcome:
         if not want:
-            has_changed = self._lose_lease(page)
-            self._was_given_up = has_changed
+            has_changed = self._lose_lease(page, has_finished=True)
             outcome = has_changed, 'released' if has_changed else 'this page does not drive'
         elif self.lease.ask(page, now):
             self._is_releasing = False
@@ -306,16 +236,14 @@ class Hub:
         self._show()
         return outcome
 
-    def _lose_lease(self, page: Page) -> bool:
-        had_it = self.lease.give_up(page, self._clock())
+    def _lose_lease(self, page: Page, has_finished: bool = False) -> bool:
+        had_it = self.lease.give_up(page, self._clock(), has_finished)
         if had_it:
-            self._was_given_up = False
-            if self._last_stamp is not None:
+            if self._last_hand is not None:
                 # Sooner than the lapse of the last velocity.  A zero is never wrong.
-                self._send_hand(self._last_stamp, 0.0, 0.0)
-                self._last_stamp = None
-            if self._recording is not None:
-                self._work.spawn(self._finish_recording(page))
+                self.drive.hand(replace(self._last_hand, linear_x=0.0, angular_z=0.0))
+                self._last_hand = None
+            self._recorder.finish(page)
         return had_it
 
     def _start_again(self) -> Outcome:
@@ -323,30 +251,6 @@ class Hub:
             return False, 'the drive process runs'
         self.drive.start()
         return True, 'started'
-
-    def _record(self, page: Page, is_on: bool) -> Outcome:
-        if is_on:
-            self._recording = Recording()
-        elif self._recording is None:
-            return False, 'nothing is recorded'
-        else:
-            self._work.spawn(self._finish_recording(page))
-        self._show()
-        return True, 'recording' if is_on else 'recorded'
-
-    async def _finish_recording(self, page: Page) -> None:
-        recording = self._recording
-        # The last velocity is reported when the next one is sent.
-        await asyncio.sleep(LAST_SEGMENTS)
-        if recording is None or self._recording is not recording:
-            return
-        self._recording = None
-        self._show()
-        now = datetime.now().astimezone()
-        text = await in_thread(partial(
-            recording.text, f'hand {now:%Y-%m-%d %H.%M.%S}',
-            f'Driven by hand on {now:%Y-%m-%d} at {now:%H:%M:%S}.'))
-        page.send(Recorded(text))
 
     async def _run(self, page: Page, message: RunMotion) -> None:
         text, name = message.text, message.name or 'motion.yaml'
@@ -363,7 +267,8 @@ class Hub:
         if self.lease.holder is not page:
             self._answer(page, message, (False, NO_LEASE))
             return
-        answer = self._relay(page, message, Run(0, text, name))
+        answer = self.drive.request(Run(0, text, name))
+        self._answer_later(page, message, answer)
         if (await answer).is_done:
             await self._show_plan(text)
 
@@ -371,7 +276,7 @@ class Hub:
         """Send each page the plan of the motion that has begun."""
         if (plan := await self._work.plan(text)) is not None:
             self._driven = Driven(plan)
-            self._pages.send(self._driven)
+            self.pages.send(self._driven)
 
     # From the drive process
 
@@ -384,48 +289,32 @@ class Hub:
                 self._state = report
                 self._show()
             case Log():
-                self._log(report.level, report.text)
+                self.pages.log(report)
             case Sent():
-                self._take_segments(report)
+                self._recorder.take(report.segments, self.lease.holder)
             case MotionText():
                 self._work.spawn(self._show_plan(report.text))
             case Robot():
                 self._robot = report
-                self._pages.send(report)
-
-    def _take_segments(self, report: Sent) -> None:
-        if self._recording is None:
-            return
-        try:
-            self._recording.add(report.segments)
-        except InvalidMotionError as error:
-            self._log('error', f'a segment cannot be recorded: {error}')
-        if self._recording.is_full and self.lease.holder is not None:
-            self._log('warning', 'the recording has ended: a motion has no room for more')
-            self._work.spawn(self._finish_recording(self.lease.holder))
+                self.pages.send(report)
 
     def _process_changed(self) -> None:
         if self.drive.state == 'starting':
             self._state, self._is_releasing = State('standing by'), False
         elif self.drive.state == 'ended':
-            self._last_stamp = None
+            self._last_hand = None
             self.reports.note_end()
             self._state = replace(
                 self._state, state='ended', velocity=(0.0, 0.0), reason=self.drive.reason)
             if self.drive.reason:
-                self._log('warning', self.drive.reason)
+                self.pages.log(Log('warning', self.drive.reason))
         self._show()
-
-    def _log(self, level: Literal['debug', 'info', 'warning', 'error'], text: str) -> None:
-        line = Log(level, text)
-        self._logs.append(line)
-        self._pages.send(line)
 
     def _show(self) -> None:
         """Send each page what has changed since its last state."""
-        self._pages.show(PageState(
-            **asdict(self._state), process=self.drive.state, watchers=len(self._pages),
-            is_recording=self._recording is not None, report=self.reports.newest),
+        self.pages.show(PageState(
+            **asdict(self._state), process=self.drive.state, watchers=len(self.pages),
+            is_recording=self._recorder.is_on, report=self.reports.newest),
             self.lease.holder)
 
     async def _tick_forever(self) -> None:
@@ -434,22 +323,30 @@ class Hub:
             self.tick()
 
     def tick(self) -> None:
-        """Do what is due from time to time; the hub calls this every ``ALIVE_PERIOD``."""
+        """Do what is due from time to time; the console calls this every ``ALIVE_PERIOD``."""
         now = self._clock()
-        if self._pages:
+        if self.pages:
             self.drive.keep_alive()
-        holder = self.lease.holder
-        if (holder is not None and self.lease.is_idle(now)
-                and self._state.state not in BUSY_STATES):
-            self._lose_lease(holder)
-            self._was_given_up = True
-            self._log('info', f'the lease has ended: no input for {IDLE_TIME:g} s')
+        holder, state = self.lease.holder, self._state.state
+        if holder is not None and self.lease.is_idle(now, state):
+            self._lose_lease(holder, has_finished=True)
+            self.pages.log(Log('info', f'the lease has ended: no input for {IDLE_TIME:g} s'))
         is_ours = self._robot is not None and self._robot.is_driven_here
-        # A motion that is paused ends with the release: another page may still go on with it.
-        is_alone = is_ours and self.lease.holder is None and (
-            (now - self.lease.free_since >= IDLE_TIME and self._state.state in IDLE_STATES)
-            or (self._was_given_up and self._state.state in HELD_STATES))
-        if is_alone and not self._is_releasing:
+        if is_ours and not self._is_releasing and self.lease.is_robot_free(now, state):
             self._is_releasing = True
             self.drive.released()
         self._show()
+
+
+def _refusal(page: Page, message: Request, holder: Page | None, robot: Robot | None) -> str:
+    """
+    Return why a page may not ask for something; empty if it may.
+
+    :param holder: the page that has the lease; None if no page has it
+    :param robot: None until it is known
+    """
+    if not (page.may_drive or isinstance(message, (Pause, *UNASKED))):
+        return ONLY_LOOK
+    if robot is not None and not robot.is_driven_here:
+        return BESIDE if isinstance(message, (Lease, Start, Record, RunMotion)) else ''
+    return NO_LEASE if isinstance(message, NEEDS_LEASE) and holder is not page else ''

@@ -21,9 +21,9 @@ from functools import partial
 import time
 from typing import Any
 
+from kachaka_simple_control.console.console import Console
 from kachaka_simple_control.console.drive_process import DriveProcess
 from kachaka_simple_control.console.folder import Folder
-from kachaka_simple_control.console.hub import Hub
 from kachaka_simple_control.console.lease import IDLE_TIME
 from kachaka_simple_control.console.messages import Message, to_json
 from kachaka_simple_control.console.page_protocol import (
@@ -49,9 +49,9 @@ class FakePage:
     may_drive = True
     is_behind = False
 
-    def __init__(self, hub: Hub) -> None:
-        self.hub, self.messages, self.state = hub, [], {}
-        hub.open_page(self)
+    def __init__(self, console: Console) -> None:
+        self.console, self.messages, self.state = console, [], {}
+        console.open_page(self)
         self.tell(Hello())
 
     def send(self, message: Message) -> None:
@@ -61,8 +61,8 @@ class FakePage:
             self.state.update(message.changes)
 
     def tell(self, message: Message) -> None:
-        """Send a message to the hub."""
-        self.hub.receive(self, to_json(message))
+        """Send a message to the console."""
+        self.console.receive(self, to_json(message))
 
     async def until(self, condition: Callable[[], Any]) -> None:
         """Return when a condition is true; fail if it is not in time."""
@@ -85,25 +85,25 @@ class FakePage:
         return found[0].is_done
 
 
-def run(scenario: Callable[[Hub, list[float]], Any], *words: str) -> None:
-    """Run a scenario with a hub and the time on its clock, which the scenario may change."""
+def run(scenario: Callable[[Console, list[float]], Any], *words: str) -> None:
+    """Run a scenario with a console and the time on its clock, which the scenario may change."""
     async def body() -> None:
         now = [1000.0]
-        hub = Hub(
+        console = Console(
             partial(DriveProcess, partial(scripted, *words)), Folder(None), PreviewWorker(),
             Reports(None), lambda: now[0])
-        hub.start()
+        console.start()
         try:
-            await scenario(hub, now)
+            await scenario(console, now)
         finally:
-            await hub.close()
+            await console.close()
 
     asyncio.run(asyncio.wait_for(body(), 30.0))
 
 
-async def taken(hub: Hub) -> FakePage:
+async def taken(console: Console) -> FakePage:
     """Return a page that has taken the robot."""
-    page = FakePage(hub)
+    page = FakePage(console)
     await page.until(lambda: page.state.get('process') == 'running')
     assert await page.ask(Lease(1, True))
     assert await page.ask(Take(2))
@@ -111,9 +111,9 @@ async def taken(hub: Hub) -> FakePage:
     return page
 
 
-async def paused(hub: Hub) -> FakePage:
+async def paused(console: Console) -> FakePage:
     """Return a page that has begun a motion and paused it."""
-    page = await taken(hub)
+    page = await taken(console)
     assert await page.ask(RunMotion(3, text='steps: []'))
     await page.until(lambda: page.state['state'] == 'driving')
     assert await page.ask(Pause(4))
@@ -122,18 +122,18 @@ async def paused(hub: Hub) -> FakePage:
 
 
 def test_the_lease_ends_without_input_and_the_robot_is_released():
-    async def scenario(hub: Hub, now: list[float]) -> None:
-        page = await taken(hub)
+    async def scenario(console: Console, now: list[float]) -> None:
+        page = await taken(console)
         now[0] += IDLE_TIME - 1.0
-        hub.tick()
+        console.tick()
         assert 'you' == page.state['driver']
         assert await page.ask(Speed(3, 0.5))  # this is input
         now[0] += IDLE_TIME - 1.0
-        hub.tick()
+        console.tick()
         assert 'you' == page.state['driver']
         page.tell(ListMotions(4))  # this is not: a page asks for it by itself
         now[0] += 1.0
-        hub.tick()
+        console.tick()
         assert 'nobody' == page.state['driver']
         await page.until(lambda: page.state['state'] == 'standing by')
         await page.until(lambda: page.state['process'] == 'running')
@@ -142,56 +142,56 @@ def test_the_lease_ends_without_input_and_the_robot_is_released():
 
 
 def test_the_lease_does_not_end_while_a_motion_is_driven_or_paused():
-    async def scenario(hub: Hub, now: list[float]) -> None:
-        page = await taken(hub)
+    async def scenario(console: Console, now: list[float]) -> None:
+        page = await taken(console)
         assert await page.ask(RunMotion(3, text='steps: []'))
         await page.until(lambda: page.state['state'] == 'driving')
         now[0] += 2.0 * IDLE_TIME
-        hub.tick()
+        console.tick()
         assert 'you' == page.state['driver']
         assert await page.ask(Pause(4))
         await page.until(lambda: page.state['state'] == 'paused')
         now[0] += 2.0 * IDLE_TIME
-        hub.tick()
+        console.tick()
         assert 'you' == page.state['driver']
 
     run(scenario)
 
 
 async def released_after_a_minute(
-        hub: Hub, now: list[float], page: FakePage, state: str) -> None:
+        console: Console, now: list[float], page: FakePage, state: str) -> None:
     """Fail unless the robot stays in its state for a minute, and is released then."""
     now[0] += IDLE_TIME - 1.0
-    hub.tick()
+    console.tick()
     await asyncio.sleep(0.2)
     assert state == page.state['state']
     now[0] += 1.0
-    hub.tick()
+    console.tick()
     await page.until(lambda: page.state['state'] == 'standing by')
 
 
 @pytest.mark.parametrize('is_closed', [True, False])
 def test_a_paused_robot_that_nobody_drives_is_released_after_a_minute(is_closed):
-    async def scenario(hub: Hub, now: list[float]) -> None:
-        page, other = await paused(hub), FakePage(hub)
+    async def scenario(console: Console, now: list[float]) -> None:
+        page, other = await paused(console), FakePage(console)
         if is_closed:
-            hub.close_page(page)
+            console.close_page(page)
         else:
             assert await page.ask(Lease(5, False))
         await other.until(lambda: other.state.get('driver') == 'nobody')
-        await released_after_a_minute(hub, now, other, 'paused')
+        await released_after_a_minute(console, now, other, 'paused')
 
     run(scenario)
 
 
 def test_the_robot_is_released_only_after_a_motion_that_is_driven():
-    async def scenario(hub: Hub, now: list[float]) -> None:
-        page = await taken(hub)
+    async def scenario(console: Console, now: list[float]) -> None:
+        page = await taken(console)
         assert await page.ask(RunMotion(3, text='steps: []'))
         await page.until(lambda: page.state['state'] == 'driving')
         assert await page.ask(Lease(4, False))
         now[0] += 2.0 * IDLE_TIME
-        hub.tick()
+        console.tick()
         await asyncio.sleep(0.2)
         assert 'driving' == page.state['state']
         await page.until(lambda: page.state['state'] == 'standing by')

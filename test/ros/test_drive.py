@@ -1,0 +1,166 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Several robots of one node: they are made ready, driven and stopped together, or alone."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+
+from kachaka_simple_control.errors import MotionStoppedError, RobotNotFoundError, RunFaultError
+from kachaka_simple_control.motion.drive_order import DriveOrder
+from kachaka_simple_control.motion.steps import Motion, Move
+from optional_libraries import optional_imports
+import pytest
+from waiting import wait_until
+
+with optional_imports():
+    from kachaka_simple_control.ros.drive_node import DriveNode
+    from listener import Listener
+    import rclpy
+
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
+
+
+@pytest.fixture
+def lab():
+    """Yield a function that makes a node, and a robot for each of its names but the silent."""
+    with contextlib.ExitStack() as stack:
+        rclpy.init(args=[])
+        stack.callback(rclpy.try_shutdown)
+
+        def make(*names, silent=(), **parameters):
+            listeners = {name: stack.enter_context(Listener(name))
+                         for name in names if name not in silent}
+            node = DriveNode('lab', {
+                name: {'guardian': False, 'prime_time': 0.2, **parameters} for name in names})
+            stack.callback(node.destroy_node)
+            return node, listeners
+        yield make
+
+
+def forward(robot, duration=1.0, speed=0.1):
+    """Return an order for a robot."""
+    return DriveOrder.of(Motion('forward', (Move(speed, 0.0, duration),)),
+                         robot.settings.profile.planning_limits, robot.settings.parameters.rate)
+
+
+def drive_all(node, **order):
+    """Drive all robots of a node."""
+    node.commander.drive({robot: forward(robot, **order) for robot in node.robots.values()})
+
+
+def test_they_begin_together_each_with_its_own_order(lab):
+    node, listeners = lab('one', 'two', 'three')
+    speeds = dict(zip(node.robots, (0.05, 0.1, 0.15)))
+    node.commander.drive({
+        robot: forward(robot, speed=speeds[name]) for name, robot in node.robots.items()})
+    first = [listener.wait_for(lambda velocity: velocity.moves).time
+             for listener in listeners.values()]
+    assert max(first) - min(first) < 0.05, 'on a busy machine; the benchmark says 3 ms'
+    for name, listener in listeners.items():
+        assert [(move.linear_x, move.count) for move in listener.moves()] == [(speeds[name], 10)]
+
+
+def test_each_has_names_of_its_own(lab):
+    node, _ = lab('one', 'two')
+    services = {name for name, _ in node.get_service_names_and_types()}
+    for name in ('/lab/stop', '/lab/one/stop', '/lab/two/pause', '/lab/two/resume'):
+        assert name in services
+    topics = {name for name, _ in node.get_topic_names_and_types()}
+    assert {'/lab/one/commanded_velocity', '/lab/two/speed_factor', '/diagnostics',
+            '/one/manual_control/cmd_vel', '/two/manual_control/cmd_vel'} <= topics
+    assert node.get_parameter('one.rate').value == 10.0
+    one, two = node.robots.values()
+    node.commander.set_speed(0.5, [two])
+    assert (one.speed_factor.value, two.speed_factor.value) == (1.0, 0.5)
+    node.set_parameters([rclpy.parameter.Parameter('one.speed_factor', value=0.25)])
+    assert (one.speed_factor.value, two.speed_factor.value) == (0.25, 0.5)
+
+
+def test_two_with_one_topic_are_refused():
+    rclpy.init(args=[])
+    try:
+        with pytest.raises(Exception, match='two robots obey /same/manual_control/cmd_vel'):
+            DriveNode('lab', {name: {'robot_namespace': '/same'} for name in ('one', 'two')})
+    finally:
+        rclpy.try_shutdown()
+
+
+def test_nobody_moves_unless_all_are_ready(lab):
+    node, listeners = lab('one', 'two', 'lost', silent=('lost',), robot_timeout=2.0)
+    begun = time.monotonic()
+    with pytest.raises(RobotNotFoundError, match='^lost: no robot listens on /lost/'):
+        drive_all(node)
+    assert time.monotonic() - begun < 3.0
+    assert not any(velocity.moves for listener in listeners.values()
+                   for velocity in listener.received)
+
+
+@pytest.mark.parametrize('goes_on', [False, True])
+def test_a_fault_of_one_stops_all_or_that_one_alone(lab, goes_on):
+    node, listeners = lab('one', 'two')
+    orders = {robot: forward(robot, 2.0) for robot in node.robots.values()}
+    request = node.commander.request()
+    threading.Thread(target=lambda: (
+        listeners['one'].wait_for(lambda velocity: velocity.moves), listeners['one'].leave())
+    ).start()
+    with pytest.raises(RunFaultError, match='^one: the robot left'):
+        node.commander.drive(orders, request, goes_on=goes_on)
+    assert wait_until(lambda: listeners['two'].received[-1].linear_x == 0.0, 3.0)
+    [move] = listeners['two'].moves()
+    assert move.count == 20 if goes_on else move.count < 20
+
+
+@pytest.mark.parametrize('service', ['one/stop', 'stop'])
+def test_a_service_stops_one_or_all(lab, service):
+    node, listeners = lab('one', 'two')
+    ended = {}
+
+    def drive(name, robot):
+        try:
+            node.commander.drive({robot: forward(robot, 4.0)})
+        except MotionStoppedError as error:
+            ended[name] = str(error)
+
+    threads = [threading.Thread(target=drive, args=one) for one in node.robots.items()]
+    for thread in threads:
+        thread.start()
+    for listener in listeners.values():
+        listener.wait_for(lambda velocity: velocity.moves)
+    response = listeners['one'].call(f'/lab/{service}')
+    assert (response.success, response.message) == (True, 'the robot was stopped')
+    for thread in threads:
+        thread.join()
+    assert set(ended) == ({'one'} if service == 'one/stop' else {'one', 'two'})
+    assert (listeners['two'].moves()[0].count == 40) is (service == 'one/stop')
+
+
+def test_a_second_drive_of_one_of_them_is_refused_and_others_may_drive(lab):
+    node, _ = lab('one', 'two')
+    one, two = node.robots.values()
+    request = node.commander.request([one])
+    with pytest.raises(Exception, match='a motion is running already'):
+        node.commander.request()
+    node.commander.drive({two: forward(two, 0.3)})
+    node.commander.drive({one: forward(one, 0.3)}, request)
+
+
+def test_many_robots_need_no_more_threads_than_one(lab):
+    before = threading.active_count()
+    node, listeners = lab(*(f'robot{number}' for number in range(10)))
+    drive_all(node, duration=0.3)
+    ours = threading.active_count() - before - len(listeners)
+    assert ours + 1 <= 12, [thread.name for thread in threading.enumerate()]
