@@ -169,10 +169,10 @@ class _Answers:
     """Describes this program to those that ask for its claims, in one thread for all of them."""
 
     def __init__(self) -> None:
-        self._begin()
-        call_in_forked_children(self._begin)
+        self.begin()
 
-    def _begin(self) -> None:
+    def begin(self) -> None:
+        """Begin without any claim; also in a forked child, which has none of its parent's."""
         self._lock = threading.Lock()
         self._sockets: set[socket.socket] = set()
         self._selector: selectors.BaseSelector | None = None
@@ -229,6 +229,7 @@ class _Answers:
 
 
 _answers = _Answers()
+os.register_at_fork(after_in_child=_answers.begin)
 
 
 @dataclass(frozen=True)

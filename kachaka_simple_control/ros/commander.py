@@ -127,8 +127,10 @@ class Commander:
                 robot.publish(MotionPlanned(
                     order.motion, order.limits, order.rate, time.monotonic(), order.plan))
             accepted.period = min(order.plan.period for order in orders.values())
-            Drive([RobotTask(robot, TickScheduler(order.plan), order.plan.period, order.corrected)
-                   for robot, order in orders.items()], goes_on).run()
+            with Drive([
+                    RobotTask(robot, TickScheduler(order.plan), order.plan.period, order.corrected)
+                    for robot, order in orders.items()], goes_on) as run:
+                run()
 
     def drive_source(
             self, robot: Robot, title: str, source: VelocitySource, period: float,
@@ -142,7 +144,8 @@ class Commander:
         with self._accepted(request, [robot]) as accepted:
             robot.drive.request(title)
             accepted.period = period
-            Drive([RobotTask(robot, source, period)]).run()
+            with Drive([RobotTask(robot, source, period)]) as run:
+                run()
 
     def start(
             self, drive: Callable[[DriveRequest], object],

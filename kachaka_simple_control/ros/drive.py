@@ -19,7 +19,7 @@ Tested by test/ros/test_robot.py.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import contextlib
 from dataclasses import dataclass
 from functools import partial
@@ -52,66 +52,90 @@ class RobotTask:
 
 class Drive:
     """
-    Drives robots in the calling thread, and leaves them at rest.
+    A ``with`` block in which robots are driven; afterwards they are at rest.
+
+    At its start all robots get ready, and none has moved if one cannot.  The block calls what it
+    is given, which drives them.
 
     :param goes_on: whether a fault of one robot ends its drive alone, and not those of all
     """
 
     def __init__(self, tasks: Sequence[RobotTask], goes_on: bool = False) -> None:
         self._tasks, self._goes_on = tasks, goes_on
+        self._robots = {task.robot.drive: task.robot for task in tasks}
+        self._loop = DriveLoop()
         self._failed: dict[Robot, Exception] = {}
+        self._frozen = contextlib.ExitStack()
 
-    def run(self) -> None:
+    def __enter__(self) -> Callable[[], None]:
         """
-        Get all robots ready, drive, and stop.
+        Get all robots ready, and begin; return what drives them in the calling thread.
 
-        :raises ControlError: if there is no control of a robot, so that none has moved; or a drive
-            ended early
+        :raises ControlError: if there is no control of a robot
         """
         try:
             complete([partial(_prepare, task) for task in self._tasks], self._check)
-            with old_objects_frozen():
-                self._loop()
-            complete([partial(_complete, task) for task in self._tasks
-                      if task.robot not in self._failed])
+            self._frozen.enter_context(old_objects_frozen())
+            port_time = PortTime()
+            for task in self._tasks:
+                gate = task.robot.gate
+                gate.port_time = port_time
+                gate.wake = partial(self._loop.wake, task.robot.drive)
+            t0 = time.monotonic()
+            for task in self._tasks:
+                task.robot.begin(task.source, t0, task.period, task.corrected)
+            return partial(
+                self._loop.run, [*self._robots], self._go_on if self._goes_on else None)
         except BaseException as error:
-            # KeyboardInterrupt and SystemExit as well: the robots must stop in every case.
-            ended = _end_early([task.robot for task in self._tasks], error)
-            if ended is error:
-                raise
-            raise ended from error
+            self._frozen.close()
+            self._stop(error)
+            raise
+
+    def __exit__(
+            self, kind: type[BaseException] | None, error: BaseException | None,
+            traceback: object) -> None:
+        """
+        Stop the robots.
+
+        :raises ControlError: if a drive ended early, and not by the error of the block
+        """
+        try:
+            if error is None:
+                complete([partial(_complete, task) for task in self._tasks
+                          if task.robot not in self._failed])
+        except BaseException as failure:
+            self._stop(failure)
+            raise
+        finally:
+            self._frozen.close()
+            self._loop.close()
+        if error is not None:
+            if self._loop.failed is not None and isinstance(error, ControlError):
+                self._robots[self._loop.failed].named(error)
+            self._stop(error)
+            return
         for task in self._tasks:
             if task.robot not in self._failed:
                 task.robot.finish()
-        errors = [_end_early([robot], error) for robot, error in self._failed.items()]
-        if errors:
-            raise errors[0]
+        for robot, fault in self._failed.items():
+            _end_early([robot], fault)
+        for fault in self._failed.values():
+            raise fault
 
     def _check(self) -> None:
         for task in self._tasks:
             task.robot.require_wanted()
 
-    def _loop(self) -> None:
-        loop, port_time = DriveLoop(), PortTime()
-        robots = {task.robot.drive: task.robot for task in self._tasks}
-        for task in self._tasks:
-            gate = task.robot.gate
-            gate.port_time, gate.wake = port_time, partial(loop.wake, task.robot.drive)
-        t0 = time.monotonic()
-        for task in self._tasks:
-            task.robot.begin(task.source, t0, task.period, task.corrected)
+    def _stop(self, error: BaseException) -> None:
+        """Stop the robots after an error, also KeyboardInterrupt; raise that of a guardian."""
+        ended = _end_early([task.robot for task in self._tasks], error)
+        if ended is not error:
+            raise ended from error
 
-        def go_on(drive: RobotDrive, error: Exception) -> None:
-            robot = robots[drive]
-            self._failed[robot] = robot.named(error) if isinstance(error, ControlError) else error
-            robot.stop_later()
-
-        try:
-            loop.run([*robots], go_on if self._goes_on else None)
-        except ControlError as error:
-            if loop.failed is None:
-                raise
-            raise robots[loop.failed].named(error) from None
+    def _go_on(self, drive: RobotDrive, error: Exception) -> None:
+        robot = self._robots[drive]
+        self._failed[robot] = robot.named(error) if isinstance(error, ControlError) else error
+        robot.stop_later()
 
 
 def _prepare(task: RobotTask, moment: Moment) -> Steps[None]:

@@ -116,9 +116,9 @@ def test_the_guardian_is_gone_before_the_robot_is_released(listener, make, monke
     guardian, manual_control = node.robot.guardian, node.robot.connection.manual_control
     release, ran = manual_control.release, []
 
-    def released(timeout):
+    def released(*arguments):
         ran.append(is_running(guardian._process._process.pid))
-        return release(timeout)
+        return release(*arguments)
 
     monkeypatch.setattr(manual_control, 'release', released)
     node.destroy_node()
