@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import partial
 import math
 
 from kachaka_simple_control.control.events import MotionStarted, VelocityKind
@@ -120,6 +119,7 @@ class RobotDrive:
             command_timeout: float) -> None:
         self.gate = gate
         self.monitor = monitor
+        monitor.wait_for_dds = gate.wait_for_dds
         self.speed_factor = speed_factor
         self._command_timeout = command_timeout
         self._progress = RunProgress()
@@ -181,7 +181,7 @@ class RobotDrive:
         # Above 80 Hz not each velocity needs a check: it takes as long as a third of a velocity.
         if now - self._checked >= CHECK_PERIOD / 2.0:
             self._checked = now
-            gate.wait_for_dds(partial(self.monitor.check, now))
+            self.monitor.check(now)
         if now < run.began + self._due and not self._has_source_changed:
             return min(run.began + self._due, self._checked + CHECK_PERIOD)
         # Clear the flag before the call of the source: a change during the call then counts for

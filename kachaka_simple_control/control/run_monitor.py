@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 import math
 from typing import Protocol
 
@@ -87,17 +88,20 @@ class LeaseRenewer:
         """Return whether manual control must be requested again before a drive."""
         return now - self._requested >= LEASE_RENEW_AT_REST
 
-    def renew_if_due(self, now: float, rest: float) -> None:
+    def is_due(self, now: float, rest: float) -> bool:
         """
-        Request manual control again if it will expire soon: at rest if possible, else in motion.
+        Return whether to request manual control again: at rest if possible, else in motion.
 
         :param rest: how long the robot stays at rest from now on [s]; 0 if it moves
         """
         age = now - self._requested
         can_wait = rest >= self._response_timeout
-        if age >= LEASE_RENEW_LATEST or (age >= LEASE_RENEW_AT_REST and can_wait):
-            self._requested = now
-            self._pending = self._request()
+        return age >= LEASE_RENEW_LATEST or (age >= LEASE_RENEW_AT_REST and can_wait)
+
+    def renew(self, now: float) -> None:
+        """Request manual control again; this may have to wait for DDS."""
+        self._requested = now
+        self._pending = self._request()
 
     def poll(self, now: float) -> None:
         """
@@ -122,18 +126,11 @@ class LeaseRenewer:
 class RobotPort(Protocol):
     """The robot in the ROS graph; each call may have to wait for DDS."""
 
-    def check_subscribed(self) -> None:
-        """
-        Check that the robot still subscribes to the velocity topic.
-
-        :raises RunFaultError: if no robot subscribes
-        """
-
     def check_identity(self) -> None:
         """
         Check that the same robot still subscribes to the velocity topic.
 
-        :raises RunFaultError: if only another one does, or the robot has left the ROS graph
+        :raises RunFaultError: if only another one does, or none
         """
 
     def check_exclusive(self) -> None:
@@ -144,7 +141,11 @@ class RobotPort(Protocol):
         """
 
     def has_changed(self) -> bool:
-        """Return whether the number of publishers or subscribers has changed."""
+        """
+        Return whether a number of publishers or subscribers has changed since the last call.
+
+        It is quick: the other questions take as long as ten of these.
+        """
 
 
 class OtherPublishers(Protocol):
@@ -202,10 +203,14 @@ class RunMonitor:
         self._is_released = False
         #: called with the reason if the robot stays held although the speed factor was set again
         self.on_kept_hold: Callable[[str], object] = lambda _: None
+        #: calls a function that may wait for DDS; a ``RobotDrive`` sets its velocity gate's
+        self.wait_for_dds: Callable[[Callable[[], None]], None] = lambda ask: ask()
         #: how far the robot was moved from outside while it was held
         self.pause_pose = PausePose()
         self._checked = float('-inf')
         self._graph_counted = self._graph_checked = float('-inf')
+        #: whether other programs have publishers of velocities
+        self._has_others = False
 
     @property
     def speed_factor(self) -> float:
@@ -273,7 +278,6 @@ class RunMonitor:
 
         :raises RunFaultError: if the drive must not continue
         """
-        self._robot.check_subscribed()
         self._robot.check_identity()
         self._robot.check_exclusive()
         if self.has_lost_robot(now):
@@ -289,7 +293,8 @@ class RunMonitor:
         held_up, self._checked = now - self._checked, now
         if self._lease is not None:
             self._lease.poll(now)
-            self._lease.renew_if_due(now, max(0.0, self._rest_end - now))
+            if self._lease.is_due(now, max(0.0, self._rest_end - now)):
+                self.wait_for_dds(partial(self._lease.renew, now))
         if self.has_lost_robot(now):
             age = self._odometry.age(now) or 0.0
             if held_up > HEARTBEAT_TIMEOUT and age - held_up <= self._odometry_timeout:
@@ -311,11 +316,10 @@ class RunMonitor:
                 'ended, and the robot released')
         if now - self._graph_counted >= GRAPH_COUNT_PERIOD:
             self._graph_counted = now
-            self._robot.check_subscribed()
-            self._check_graph(now)
+            self.wait_for_dds(partial(self._check_graph, now))
         if self._held_since is not None and not (
                 self._is_released or self._speed_factor.is_hold):
-            self._release(now)
+            self.wait_for_dds(partial(self._release, now))
 
     def _release(self, now: float) -> None:
         """
@@ -346,8 +350,11 @@ class RunMonitor:
         return age is not None and 0.0 < self._odometry_timeout < age
 
     def _check_graph(self, now: float) -> None:
-        if self._robot.has_changed() or now - self._graph_checked >= GRAPH_CHECK_PERIOD:
+        # While there are others, this node subscribes as well: if that began when the robot left,
+        # no number has changed.
+        if (self._robot.has_changed() or self._has_others
+                or now - self._graph_checked >= GRAPH_CHECK_PERIOD):
             self._graph_checked = now
             self._robot.check_identity()
             self._robot.check_exclusive()
-            self._others.update()
+            self._has_others = self._others.update()

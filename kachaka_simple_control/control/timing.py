@@ -152,11 +152,11 @@ STOP_REQUEST_WINDOW = 0.05
 
 # --- Faults during a run ------------------------------------------------------------------------
 
-#: How often to check that the robot still subscribes, and to compare the numbers of publishers and
-#: subscribers on the topic; this costs as much as a message.
+#: How often to compare the numbers of publishers and subscribers on the topics of a robot; if one
+#: has changed, the identity is checked.  Measured: it takes less than 10 us.
 GRAPH_COUNT_PERIOD = 0.2
 #: How often to check the identity of the publishers and subscribers when their numbers have not
-#: changed; a check costs as much as five messages.
+#: changed.  Measured: it takes 0.1 ms.
 GRAPH_CHECK_PERIOD = 1.0
 
 # --- Closed loop ---------------------------------------------------------------------------------

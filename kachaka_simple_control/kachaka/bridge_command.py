@@ -177,8 +177,7 @@ def _serve(node: BridgeNode, shutdown: ShutdownEvent, with_parent: bool) -> None
     if shutdown.is_set:
         return
     if with_parent:
-        from kachaka_simple_control.ros.endpoints import own_participant
-        print(f'{PARTICIPANT}{own_participant(node).hex()}', file=sys.stderr, flush=True)
+        print(f'{PARTICIPANT}{node.graph.participant.hex()}', file=sys.stderr, flush=True)
     # Each executor runs in its own thread.  The main thread sleeps until a signal is received, so
     # it does not slow the executors down.
     with contextlib.ExitStack() as stack:

@@ -32,6 +32,7 @@ from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.executors import ExecutorLoop, NodeExecutor
+from kachaka_simple_control.ros.graph import Graph
 from kachaka_simple_control.ros.names import BATTERY, DIAGNOSTICS, RobotNames
 from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
@@ -83,8 +84,9 @@ class BridgeNode(Node):
             self, [RobotNames(
                 KACHAKA.velocity_topic, KACHAKA.odometry_topic, KACHAKA.manual_control_service)],
             (*ODOMETRY_TOPICS[1:], DIAGNOSTICS, BATTERY), ())
+        self.graph = Graph(self)
         self._claim = RobotClaim(
-            self, self.resolve_topic_name(KACHAKA.velocity_topic), 'bridge', on_conflict)
+            self.graph, self.resolve_topic_name(KACHAKA.velocity_topic), 'bridge', on_conflict)
         self._take_claim()
         service = KACHAKA.manual_control_service
         assert service is not None, 'a Kachaka has one'

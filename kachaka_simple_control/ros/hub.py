@@ -21,6 +21,7 @@ import threading
 from kachaka_simple_control.control.stop import LateStops
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.ros.executors import BackgroundExecutor
+from kachaka_simple_control.ros.graph import Graph
 from kachaka_simple_control.ros.odometry import OdometryReader, OdometryThread
 from kachaka_simple_control.telemetry.event_bus import EventBus
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -29,7 +30,7 @@ from rclpy.node import Node
 
 class Hub:
     """
-    What the robots of a node share: threads, events, and what has stopped all of them for good.
+    What the robots of a node share: threads, graph, events, and what has stopped all for good.
 
     :ivar on_error: called, in any thread, with what a callback has raised
     """
@@ -37,6 +38,7 @@ class Hub:
     def __init__(self, node: Node) -> None:
         self.node = node
         self.event_bus = EventBus(node.get_logger().warning)
+        self.graph = Graph(node)
         self.on_error: Callable[[BaseException], None] = lambda _: None
         self.executor = BackgroundExecutor(node, self._report)
         self.late_stops = LateStops()

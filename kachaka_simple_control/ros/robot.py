@@ -80,7 +80,7 @@ class Robot:
                 parameters.closed_loop) else None
         #: detects from odometry whether the robot moves
         self.odometry = StandstillDetector()
-        claim = RobotClaim(node, self.publisher.topic_name, 'driver', self._on_conflict)
+        claim = RobotClaim(hub.graph, self.publisher.topic_name, 'driver', self._on_conflict)
         self.guardian = start_guardian(
             node, self.publisher, profile, parameters, claim.fileno())
         self.gate = VelocityGate(
@@ -90,7 +90,7 @@ class Robot:
         manual_control = ManualControlClient(
             node, settings.names.manual_control, profile.manual_control_timeout)
         self.discovery = RobotDiscovery(
-            node, settings.names, self.publisher, manual_control, self.guardian, profile)
+            hub.graph, settings.names, self.publisher, manual_control, self.guardian, profile)
         self._foreign = ForeignMessages(
             node, self.publisher,
             list if parameters.allow_other_publishers else self.discovery.other_publishers,

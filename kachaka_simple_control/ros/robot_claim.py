@@ -41,10 +41,9 @@ from kachaka_simple_control.control.timing import (
 )
 from kachaka_simple_control.errors import RobotTakenError
 from kachaka_simple_control.ros.dds_transport import is_localhost_only
-from kachaka_simple_control.ros.endpoints import own_participant
+from kachaka_simple_control.ros.graph import Graph
 from kachaka_simple_control.ros.names import MAX_NAME_LENGTH
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
@@ -70,7 +69,9 @@ class RobotClaim:
     """
 
     def __init__(
-            self, node: Node, topic: str, role: str, on_conflict: Callable[[str], None]) -> None:
+            self, graph: Graph, topic: str, role: str,
+            on_conflict: Callable[[str], None]) -> None:
+        node = graph.node
         self._machine = MachineClaim()
         self._name = f'{role} {node.context.get_domain_id()} {topic}'
         self._node_name = node.get_fully_qualified_name()
@@ -78,7 +79,7 @@ class RobotClaim:
         self._own_text = (f'an earlier node of this program has the robot on {topic}: call its '
                           'destroy_node() first')
         self._network = None if is_localhost_only() else _NetworkClaim(
-            node, _claim_topic(topic, role), on_conflict)
+            graph, _claim_topic(topic, role), on_conflict)
 
     def fileno(self) -> int:
         """Return the descriptor of a socket; a process that inherits it keeps the claim."""
@@ -150,11 +151,12 @@ def _claim_topic(velocity_topic: str, role: str) -> str:
 class _NetworkClaim:
     """Publishes the claim of this program on a robot, and receives those of others."""
 
-    def __init__(self, node: Node, topic: str, on_conflict: Callable[[str], None]) -> None:
+    def __init__(self, graph: Graph, topic: str, on_conflict: Callable[[str], None]) -> None:
+        node = graph.node
         self._joined = time.monotonic()
         self._who = ''
         self._on_conflict = on_conflict
-        self._participant = own_participant(node).hex()
+        self._participant = graph.participant.hex()
         self._claims = Claims(self._participant)
         self._state = RELEASED
         self._conflict_found: float | None = None

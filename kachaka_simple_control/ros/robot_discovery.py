@@ -15,31 +15,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-import os
+from collections.abc import Callable, Iterable
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.preparation import Moment, Steps, until
 from kachaka_simple_control.control.timing import DISCOVERY_TIMEOUT, PUBLISHER_SEARCH_TIMEOUT
 from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError
 from kachaka_simple_control.files.robot_profile import RobotProfile
-from kachaka_simple_control.ros.dds_transport import is_localhost_only
-from kachaka_simple_control.ros.endpoints import incompatibility, own_participant, participants
-from kachaka_simple_control.ros.environment import DISCOVERY_SERVER
+from kachaka_simple_control.ros import robot_problems as problems
+from kachaka_simple_control.ros.graph import Endpoint, Graph
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.names import RobotNames
-from kachaka_simple_control.ros.velocity_publisher import TYPES, VelocityPublisher
-from kachaka_simple_control.text import escaped, quoted
-from rclpy.node import Node
-from rclpy.topic_endpoint_info import TopicEndpointInfo
-
-#: How to drive a robot without odometry.
-WITHOUT_ODOMETRY = (
-    'for a robot without odometry write `odometry_topic: null`, and for one that may have none '
-    '`odometry_required: false`, in its profile (--robot FILE)')
-#: What to look at if no robot is found; not for one that this program has started.
-HINT = ('. Is its bridge running, in the same ROS_DOMAIN_ID? Compare the name with `ros2 topic '
-        'list`. Without a robot, try `kachaka_simple_control --sim`')
+from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.text import escaped
 
 
 class RobotDiscovery:
@@ -51,17 +39,17 @@ class RobotDiscovery:
     """
 
     def __init__(
-            self, node: Node, names: RobotNames, publisher: VelocityPublisher,
+            self, graph: Graph, names: RobotNames, publisher: VelocityPublisher,
             manual_control: ManualControlClient, guardian: Guardian | NullGuardian,
             profile: RobotProfile) -> None:
-        self._node = node
+        self._graph = graph
         self._profile = profile
-        self._publisher = publisher
+        self._publisher, self._topic = publisher, publisher.topic_name
         self._manual_control = manual_control
         self._guardian = guardian
         self._service = names.manual_control
-        self._odometry_topic = node.resolve_topic_name(names.odometry) if names.odometry else None
-        self._participant = own_participant(node)
+        self._odometry_topic = graph.node.resolve_topic_name(names.odometry) if (
+            names.odometry) else None
         self._required_participant: Callable[[], bytes | None] | None = None
         #: the participants of the robot, set by ``remember_robot``
         self._robot: set[bytes] = set()
@@ -75,7 +63,8 @@ class RobotDiscovery:
     @property
     def subscriber_count(self) -> int:
         """Return how many subscriptions other nodes have; 0 if none matches the publisher."""
-        return len(self._subscriptions()) if self._publisher.get_subscription_count() else 0
+        return len(self._graph.subscriptions(self._topic)) if (
+            self._publisher.get_subscription_count()) else 0
 
     def require_participant(self, participant: Callable[[], bytes | None]) -> None:
         """
@@ -110,8 +99,7 @@ class RobotDiscovery:
         if not (yield from until(moment, is_found, 'the guardian', timeout)):
             # If discovery has found a problem meanwhile, report this problem: it explains more.
             raise RobotNotFoundError(self._not_found(timeout) if self._problem() else (
-                f'the guardian has not discovered the robot within {timeout:g} s, so nothing '
-                'moved; the parameter guardian:=false drives without one'))
+                problems.GUARDIAN_UNMATCHED.format(timeout=timeout)))
         yield from until(
             moment, lambda: not self._guardian.unmatched(self._find_robot()), 'the guardian',
             DISCOVERY_TIMEOUT)
@@ -123,12 +111,10 @@ class RobotDiscovery:
         Up to 3 s later than the search; before, this node cannot receive the velocities of another
         program.  If a publisher has left meanwhile, the wait ends after DISCOVERY_TIMEOUT (3.5 s).
         """
-        topic = self._publisher.topic_name
-
         def has_discovered_all() -> bool:
-            own = {self._participant, *self._guardian.participants}
-            return self._guardian.found_publishers(topic) - own <= set(participants(
-                self._node.get_publishers_info_by_topic(topic)))
+            own = {self._graph.participant, *self._guardian.participants}
+            return self._guardian.found_publishers(self._topic) - own <= _participants(
+                self._graph.publishers(self._topic))
 
         yield from until(
             moment, lambda: self._guardian.has_searched, 'the search for other programs',
@@ -136,23 +122,17 @@ class RobotDiscovery:
         yield from until(
             moment, has_discovered_all, 'the publishers of other programs', DISCOVERY_TIMEOUT)
 
-    def check_subscribed(self) -> None:
-        """
-        Check that the robot still subscribes to the velocities of this node.
-
-        :raises RunFaultError: if it does not
-        """
-        if not self.is_subscribed:
-            raise self._subscriber_left()
-
     def has_changed(self) -> bool:
         """
         Return whether a count of publishers or subscribers has changed since the last call.
 
         Another robot may have replaced the robot without a change: see ``check_identity``.
         """
-        before, self._counts = self._counts, self._endpoint_counts()
-        return self._counts != before
+        graph = self._graph
+        counts = [self._publisher.get_subscription_count(), graph.count_subscriptions(self._topic),
+                  graph.count_publishers(self._topic), self._count_odometry_publishers()]
+        before, self._counts = self._counts, counts
+        return counts != before
 
     def remember_robot(self) -> None:
         """Store the participants of the robot for ``check_identity``."""
@@ -162,14 +142,12 @@ class RobotDiscovery:
         """
         Check that the robot is still the one that ``remember_robot`` has stored.
 
-        :raises RunFaultError: if it was replaced by another one, or has left the ROS graph
+        :raises RunFaultError: if it was replaced by another one, or no longer subscribes
         """
-        subscribers = self._subscribers()
-        if not subscribers:
-            raise self._subscriber_left()
+        subscribers = self._subscribers() if self._publisher.get_subscription_count() else set()
         if not self._robot & subscribers:
-            raise RunFaultError(
-                f'the robot left: who subscribes to {self._publisher.topic_name} now came later')
+            text = problems.ROBOT_REPLACED if subscribers else problems.ROBOT_LEFT
+            raise RunFaultError(text.format(topic=self._topic))
 
     def check_exclusive(self) -> None:
         """
@@ -177,113 +155,59 @@ class RobotDiscovery:
 
         :raises RunFaultError: if more do
         """
-        if (count := len(self._odometry_publishers())) > 1:
-            raise RunFaultError(self._several_robots(count))
+        if (count := self._count_odometry_publishers()) > 1:
+            raise RunFaultError(problems.SEVERAL_ROBOTS.format(
+                count=count, topic=self._odometry_topic))
 
     def other_publishers(self) -> list[str]:
         """Return the names of the nodes of other programs that have a publisher of velocities."""
-        infos = self._node.get_publishers_info_by_topic(self._publisher.topic_name)
-        return [escaped(info.node_name, 60)
-                for info, participant in zip(infos, participants(infos))
-                if not self._is_own(participant)]
-
-    def _is_own(self, participant: bytes) -> bool:
         # An earlier participant of the guardian may stay in the graph for a while.
-        return participant == self._participant or participant in self._guardian.participants
-
-    def _endpoint_counts(self) -> list[int]:
-        topics = [self._publisher.topic_name]
-        if self._odometry_topic:
-            topics.append(self._odometry_topic)
-        return [self.subscriber_count, *map(self._node.count_publishers, topics)]
+        own = {self._graph.participant, *self._guardian.participants}
+        return [escaped(info.node_name, 60)
+                for participant, info in self._graph.publishers(self._topic)
+                if participant not in own]
 
     def _find_robot(self) -> set[bytes]:
         """Return the subscribers of velocities that publish odometry; if none does, all."""
         subscribers = self._subscribers()
-        return subscribers & set(self._odometry_publishers()) or subscribers
+        return subscribers & self._odometry_publishers() or subscribers
 
     def _subscribers(self) -> set[bytes]:
-        return set(participants(self._subscriptions()))
+        return _participants(self._graph.subscriptions(self._topic))
 
-    def _subscriptions(self) -> list[TopicEndpointInfo]:
-        """Return the subscriptions to the velocities; that of ``ForeignMessages`` is left out."""
-        infos = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
-        own = self._participant, self._node.get_name(), self._node.get_namespace()
-        return [info for info, participant in zip(infos, participants(infos))
-                if (participant, info.node_name, info.node_namespace) != own]
+    def _odometry_publishers(self) -> set[bytes]:
+        topic = self._odometry_topic
+        return _participants(self._graph.publishers(topic)) if topic else set()
 
-    def _odometry_publishers(self) -> list[bytes]:
-        return participants(
-            self._node.get_publishers_info_by_topic(self._odometry_topic)
-            if self._odometry_topic else [])
+    def _count_odometry_publishers(self) -> int:
+        return self._graph.count_publishers(self._odometry_topic) if self._odometry_topic else 0
 
     def _problem(self) -> str:
         """Return a text that says why no robot can be driven; empty if a robot can be driven."""
-        return self._robot_problem() if self.is_subscribed else self._subscriber_problem()
-
-    def _robot_problem(self) -> str:
-        robots = self._odometry_publishers()
-        if len(robots) > 1:
-            return self._several_robots(len(robots))
-        if self._required_participant is not None and self._required_participant() not in robots:
-            if not robots:
-                return ('the robot that this program started does not publish '
-                        f'{self._odometry_topic}')
-            return (f'another robot publishes {self._odometry_topic}: stop its bridge, or name a '
-                    'robot_namespace for this one')
+        if not self.is_subscribed:
+            return problems.no_match(self._publisher, self._graph)
+        topic, count = self._odometry_topic, self._count_odometry_publishers()
+        if count > 1:
+            return problems.SEVERAL_ROBOTS.format(count=count, topic=topic)
+        if self._required_participant is not None and (
+                self._required_participant() not in self._odometry_publishers()):
+            text = problems.ANOTHER_ROBOT if count else problems.OWN_ROBOT_SILENT
+            return text.format(topic=topic)
         if not self._manual_control.is_available:
-            return (f'a subscriber is there, but not the service {self._service}; for a robot '
-                    'without it, set the parameter manual_control to false')
-        if (not self._manual_control.is_needed and self._odometry_topic and not robots
+            return problems.NO_SERVICE.format(service=self._service)
+        if (not self._manual_control.is_needed and topic and not count
                 and self._profile.odometry_required):
-            return (f'a subscriber is there, but nobody publishes {self._odometry_topic}; '
-                    f'{WITHOUT_ODOMETRY}')
+            return problems.NO_ODOMETRY.format(topic=topic)
         return ''
 
-    def _subscriber_problem(self) -> str:
-        """Return a text that says why no subscription matches this node's velocity publisher."""
-        own_type = self._publisher.msg_type.__name__
-        topic = self._publisher.topic_name
-        infos = self._subscriptions()
-        types = {info.topic_type for info in infos}
-        same_type = [info for info in infos if info.topic_type.endswith('/' + own_type)]
-        if types and not same_type:
-            taken = ', '.join(sorted(types))
-            remedy = next((f': write `message_type: {name}` in the profile of the robot (--robot '
-                           'FILE)' for name in TYPES if taken.endswith(f'/{name}')), '')
-            return f'its subscriber takes {escaped(taken)}, not {own_type}{remedy}'
-        # Read both QoS profiles from the graph: a publisher returns 0 s for an unset deadline.
-        publishers = self._node.get_publishers_info_by_topic(topic)
-        offered = [info.qos_profile
-                   for info, participant in zip(publishers, participants(publishers))
-                   if participant == self._participant]
-        for info in same_type:
-            if offered and (reason := incompatibility(offered[0], info.qos_profile)):
-                return (f'a subscriber is there (node {escaped(info.node_name, 60)}), but its '
-                        f'quality of service does not fit: {reason}; change that of the robot')
-        return 'nobody subscribes to it'
-
-    def _several_robots(self, count: int) -> str:
-        return (f'{count} robots publish {self._odometry_topic}, and each of them would obey; '
-                'stop all but one, or give each its own robot_namespace')
-
-    def _subscriber_left(self) -> RunFaultError:
-        return RunFaultError(
-            f'the robot left: nobody subscribes to {self._publisher.topic_name} any more')
-
     def _not_found(self, timeout: float) -> str:
-        topic = (f'{self._publisher.topic_name} (ROS domain '
-                 f'{self._node.context.get_domain_id()}) after {timeout:g} s')
-        if not self.is_subscribed:
-            hint = '' if self._required_participant is not None else f'{HINT}{_narrow_search()}'
-            return f'no robot listens on {topic}: {self._problem()}{hint}'
-        return f'no robot can be driven by {topic}: {self._problem()}'
+        domain = self._graph.node.context.get_domain_id()
+        where = f'{self._topic} (ROS domain {domain}) after {timeout:g} s: {self._problem()}'
+        if self.is_subscribed:
+            return f'no robot can be driven by {where}'
+        return f'no robot listens on {where}' + (
+            '' if self._required_participant is not None else problems.hint())
 
 
-def _narrow_search() -> str:
-    """Return sentences about the environment variables by which a robot may stay unseen."""
-    text = '. Only this machine is searched, as environment variables say' if (
-        is_localhost_only()) else ''
-    if server := os.environ.get(DISCOVERY_SERVER):
-        text += f'. {DISCOVERY_SERVER} is {quoted(server, 100)}: does this server run?'
-    return text
+def _participants(endpoints: Iterable[Endpoint]) -> set[bytes]:
+    return {participant for participant, _ in endpoints}

@@ -87,8 +87,8 @@ class Robot:
         self.gate.open()
         self.factor, self.odometry = SpeedFactor(self.time.clock), StandstillDetector()
         self.port = SimpleNamespace(
-            check_subscribed=lambda: None, check_identity=lambda: None,
-            check_exclusive=lambda: None, has_changed=lambda: False, update=lambda: False)
+            check_identity=lambda: None, check_exclusive=lambda: None,
+            has_changed=lambda: False, update=lambda: False)
         self.response = SimpleNamespace(done=True, refusal=None)
         self.lease = LeaseRenewer(lambda: self.response, COMMAND_TIMEOUT)
         self.lease.granted(self.time.now)
@@ -177,7 +177,8 @@ LEFT = RunFaultError('the robot left')
 #: What happens, and which error ends the run [class, text].
 FAULTS = {
     'the subscription disappears': (
-        lambda robot: setattr(robot.port, 'check_subscribed', raising(LEFT)),
+        lambda robot: (setattr(robot.port, 'has_changed', lambda: True),
+                       setattr(robot.port, 'check_identity', raising(LEFT))),
         RunFaultError, 'the robot left'),
     'another robot takes its place': (
         lambda robot: setattr(robot.port, 'check_identity', raising(RunFaultError('another'))),

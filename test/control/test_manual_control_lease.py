@@ -65,7 +65,8 @@ def drive(robot, duration, rest_at=lambda _: 0.0, period=0.1):
     for tick in range(round(duration / period)):
         robot.now = tick * period
         renewer.poll(robot.now)
-        renewer.renew_if_due(robot.now, rest_at(robot.now))
+        if renewer.is_due(robot.now, rest_at(robot.now)):
+            renewer.renew(robot.now)
 
 
 def test_without_a_rest_it_is_renewed_every_40_seconds():
@@ -119,7 +120,8 @@ def test_a_response_and_a_period_together_never_exceed_the_command_timeout(rate)
     renewer.granted(0.0)
     renewer.begin(period)
     robot.now = 50.0
-    renewer.renew_if_due(robot.now, 0.0)
+    assert renewer.is_due(robot.now, 0.0)
+    renewer.renew(robot.now)
     robot.now += COMMAND_TIMEOUT - period - 1e-3
     renewer.poll(robot.now)
     robot.now += 2e-3

@@ -141,18 +141,24 @@ def test_it_checks_for_faults_even_if_every_message_is_late():
     assert max(gaps) <= late + CHECK_PERIOD + 1e-6
 
 
-def test_a_slow_graph_query_does_not_end_the_run():
+@pytest.mark.parametrize('is_dds', [True, False])
+def test_a_slow_check_ends_the_run_unless_it_waits_for_dds(is_dds):
     bench = Bench(Move(0.1, 0.0, 1.0), rate=50.0)
-    flags = []
 
-    def ask(now):
-        flags.append(bench.gate._sending.is_set)
-        bench.time.now += 0.25 if len(flags) % 10 == 5 else 0.0
+    def wait():
+        bench.time.now += 0.25 if bench.monitor.checks % 10 == 5 else 0.0
 
-    bench.monitor.check = ask
-    bench.run()
-    assert bench.wire.sent[-1][1] == ZERO
-    assert all(flags)
+    def check(now):
+        bench.monitor.checks += 1
+        bench.monitor.wait_for_dds(wait) if is_dds else wait()
+
+    bench.monitor.check = check
+    if is_dds:
+        bench.run()
+    else:
+        with pytest.raises(RunFaultError, match='nothing was sent for 2.. ms'):
+            bench.run()
+    assert (bench.wire.sent[-1][1] == ZERO) == is_dds
 
 
 def test_a_gap_within_the_limit_does_not_end_the_run():

@@ -15,14 +15,16 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 import math
 import threading
 from types import SimpleNamespace
 
 from kachaka_simple_control.control.guardian import NullGuardian
-from kachaka_simple_control.control.run_monitor import RunMonitor
+from kachaka_simple_control.control.run_monitor import LeaseRenewer, RunMonitor
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
+from kachaka_simple_control.control.timing import GRAPH_CHECK_PERIOD, GRAPH_COUNT_PERIOD
 from kachaka_simple_control.errors import HELD_UP_ADVICE, RunFaultError
 from kachaka_simple_control.motion.geometry import ZERO
 import pytest
@@ -35,8 +37,8 @@ def begun():
     """Return a monitor whose run has begun, and its odometry."""
     odometry = StandstillDetector()
     anything = SimpleNamespace(
-        check_subscribed=lambda: None, check_identity=lambda: None, check_exclusive=lambda: None,
-        has_changed=lambda: False, update=lambda: None)
+        check_identity=lambda: None, check_exclusive=lambda: None, has_changed=lambda: False,
+        update=lambda: False)
     parameters = SimpleNamespace(odometry_timeout=0.5, pause_timeout=600.0)
     monitor = RunMonitor(
         NullGuardian(), None, anything, anything, odometry, parameters, SpeedFactor())
@@ -89,3 +91,76 @@ def test_a_program_that_was_held_up_does_not_blame_the_robot(begun):
         monitor.check(START + 3.0)
     assert str(error.value) == (
         f'odometry has been silent for 3.0 s: the program was held up, {HELD_UP_ADVICE}')
+
+
+#: How often the monitor of the next tests checks [s]; sums of it are exact.
+STEP = 1.0 / 64.0
+
+
+def questions(duration, happen):
+    """
+    Let a monitor check for some time; return what it asked, and when [s after the start].
+
+    :param happen: called before each check with the time, the monitor and the answers by question
+    """
+    asked, answers, is_waiting, now = [], {}, False, 0.0
+
+    def question(what, enters_dds=True):
+        def ask():
+            assert is_waiting == enters_dds, what
+            asked.append((what, now))
+            return answers.get(what)
+        return ask
+
+    def wait_for_dds(ask):
+        nonlocal is_waiting
+        assert not is_waiting, 'its time would count twice'
+        is_waiting = True
+        ask()
+        is_waiting = False
+
+    port = SimpleNamespace(**{what: question(what) for what in (
+        'has_changed', 'check_identity', 'check_exclusive', 'update')})
+    lease = LeaseRenewer(question('request'), 0.3)
+    lease.granted(0.0)
+    answers['request'] = SimpleNamespace(done=True, refusal=None)
+    monitor = RunMonitor(
+        SimpleNamespace(heartbeat=question('heartbeat', enters_dds=False)), lease, port, port,
+        StandstillDetector(), SimpleNamespace(odometry_timeout=0.0, pause_timeout=600.0),
+        SpeedFactor())
+    monitor.wait_for_dds = wait_for_dds
+    monitor.begin(0.0, None, 0.1)
+    while now < duration:
+        happen(now, monitor, answers)
+        monitor.check(now)
+        now += STEP
+    return {what: [at for one, at in asked if one == what] for what, _ in asked}
+
+
+@pytest.mark.parametrize('answer', ['has_changed', 'update'])
+def test_each_count_is_followed_by_the_other_questions_after_a_change_and_with_others(answer):
+    """With others this node subscribes, too: the robot may leave, and no number changes."""
+    asked = questions(6.0, lambda now, _, answers: answers.update({answer: 2.0 <= now < 4.0}))
+    counts, looks = asked['has_changed'], asked['check_identity']
+    assert max(two - one for one, two in pairwise(counts)) <= GRAPH_COUNT_PERIOD + STEP
+    assert asked['check_exclusive'] == asked['update'] == looks
+    within = [at for at in counts if looks[2] <= at < 4.0]
+    assert [at for at in looks if looks[2] <= at < 4.0] == within
+    assert len(within) > 5
+    longest = GRAPH_CHECK_PERIOD + GRAPH_COUNT_PERIOD + STEP
+    for rest in looks[:3], looks[-2:]:
+        assert all(GRAPH_CHECK_PERIOD <= two - one <= longest for one, two in pairwise(rest))
+
+
+def test_only_what_enters_dds_is_no_gap():
+    def hold(now, monitor, _):
+        if now == 1.0:
+            monitor._speed_factor.set('obstacle', 0.0)
+            monitor.on_sent(now, math.inf)
+        elif now == 2.5:
+            monitor._speed_factor.set('obstacle', 1.0)
+
+    asked = questions(41.0, hold)
+    assert len(asked['heartbeat']) == 41 * 64
+    assert asked['request']
+    assert len(asked['check_identity']) == len(asked['update']) + 1, 'once to end the hold'

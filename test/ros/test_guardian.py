@@ -137,7 +137,7 @@ def slow(ask, seconds):
 @pytest.mark.parametrize('change', [
     pytest.param('node.robot.gate._sending.clear = lambda: None', id='publishing'),
     pytest.param("""
-node.robot.discovery.check_subscribed = slow(node.robot.discovery.check_subscribed, 0.045)
+node.robot.discovery.has_changed = slow(node.robot.discovery.has_changed, 0.045)
 """, id='in a graph query')])
 def test_a_frozen_node_is_not_taken_for_slow_dds(change, listener, tmp_path):
     """While it publishes, its flag stays up: no third of a second of DDS."""
