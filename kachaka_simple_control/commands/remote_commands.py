@@ -32,8 +32,8 @@ import time
 
 from kachaka_simple_control.commands.remote_reports import ReportWriter, state_of
 from kachaka_simple_control.console import protocol
-from kachaka_simple_control.control.events import VelocitySent
-from kachaka_simple_control.control.robot_drive import RunProgress, RunState
+from kachaka_simple_control.control.events import Event, OdometryReceived
+from kachaka_simple_control.control.robot_drive import RunProgress, UNDER_WAY
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import REMOTE_REPORT_PERIOD, REMOTE_STATE_PERIOD
 from kachaka_simple_control.errors import (
@@ -47,7 +47,6 @@ from kachaka_simple_control.ros.robot_info import RobotInfo
 
 #: How many bytes of commands are read at once.
 READ_SIZE = 65536
-UNDER_WAY = (RunState.CONNECTING, RunState.DRIVING, RunState.HELD)
 
 
 class RemoteCommands:
@@ -76,11 +75,13 @@ class RemoteCommands:
         #: ensures that the state ``ended`` is the last one that is written
         self._state_lock = threading.Lock()
         self._is_over = False
+        #: set when there may be something to report
+        self._has_changed = threading.Event()
+        self._was_still = False
 
     def start(self) -> None:
         """Write the report ``robot``, and start the threads."""
-        self._robot_control.event_bus.subscribe(
-            self._writer.on_event, wants=lambda event: isinstance(event, VelocitySent))
+        self._robot_control.event_bus.subscribe(self._on_event)
         self._writer.write(protocol.Robot(
             **self._writer.describe(self._robot_control), is_driven_here=self.IS_DRIVER))
         for target in (self._read_commands, self._write_reports):
@@ -93,6 +94,7 @@ class RemoteCommands:
         with self._state_lock:
             self._is_over = True
             self._writer.write(protocol.State('ended', reason=reason))
+        self._has_changed.set()
 
     def _read_commands(self) -> None:
         rest = b''
@@ -159,11 +161,23 @@ class RemoteCommands:
         self._commander.set_speed(factor)
         return f'{factor:.0%}'
 
+    def _on_event(self, event: Event) -> None:
+        self._writer.on_event(event)
+        if isinstance(event, OdometryReceived):
+            was_still, self._was_still = self._was_still, event.is_still
+            if was_still and event.is_still:
+                return
+        self._has_changed.set()
+
     def _write_reports(self) -> None:
-        """Write the state, again and again."""
+        """Write the state: after each event and, for its figures, often during a drive."""
         newest, written = None, -math.inf
+        self._has_changed.set()
         while not self._is_over:
+            if not self._is_under_way():
+                self._has_changed.wait(REMOTE_STATE_PERIOD - REMOTE_REPORT_PERIOD)
             time.sleep(REMOTE_REPORT_PERIOD)
+            self._has_changed.clear()
             [progress] = self._commander.states()
             self._write_more(progress)
             state = self._state(progress)
@@ -175,6 +189,9 @@ class RemoteCommands:
                 with self._state_lock:
                     if not self._is_over:
                         self._writer.write(state)
+
+    def _is_under_way(self) -> bool:
+        return any(progress.state in UNDER_WAY for progress in self._commander.states())
 
     def _write_more(self, progress: RunProgress) -> None:
         """Write what is due besides the state."""

@@ -30,8 +30,9 @@ from kachaka_simple_control.commands.remote_reports import ReportWriter, state_o
 from kachaka_simple_control.commands.settings import Settings
 from kachaka_simple_control.console import protocol
 from kachaka_simple_control.control.drive_requests import DriveRequest
+from kachaka_simple_control.control.events import DriveState
 from kachaka_simple_control.control.hand_source import HandSource
-from kachaka_simple_control.control.robot_drive import RunProgress, RunState
+from kachaka_simple_control.control.robot_drive import RunProgress
 from kachaka_simple_control.control.timing import (
     HAND_PERIOD,
     REMOTE_REST_TIMEOUT,
@@ -253,6 +254,7 @@ class RemoteControl(RemoteCommands):
         """
         self._cancel()
         self._reason = str(error) if self._release is None else None
+        self._has_changed.set()
         if (number := self._take) is not None:
             self._take = None
             self._writer.write(protocol.Answer(number, False, str(error)))
@@ -287,11 +289,15 @@ class RemoteControl(RemoteCommands):
         self._cancel()
         self._end()
 
+    def _is_under_way(self) -> bool:
+        return self._hand is not None or super()._is_under_way()
+
     def _write_more(self, progress: RunProgress) -> None:
         """Write a stamp for the hand, and the answer to ``take`` when the robot is ready."""
         if (hand := self._hand) is not None:
             self._writer.write(protocol.Stamp(hand.stamp()))
-        if self._take is not None and progress.state in (RunState.DRIVING, RunState.HELD):
+        if self._take is not None and progress.state in (
+                DriveState.DRIVING, DriveState.PAUSED):
             number, self._take = self._take, None
             self._writer.write(protocol.Answer(number, True, 'ready'))
 

@@ -19,7 +19,6 @@ Tested by test/commands/test_remote_control.py.
 
 from __future__ import annotations
 
-import math
 import os
 import select
 import threading
@@ -27,8 +26,8 @@ import time
 from typing import Any, Literal
 
 from kachaka_simple_control.console import protocol
-from kachaka_simple_control.control.events import Event, VelocityKind, VelocitySent
-from kachaka_simple_control.control.robot_drive import RunProgress, RunState
+from kachaka_simple_control.control.events import DriveState, Event, VelocityKind, VelocitySent
+from kachaka_simple_control.control.robot_drive import RunProgress, UNDER_WAY
 from kachaka_simple_control.control.speed_factor import product
 from kachaka_simple_control.control.timing import REMOTE_WRITE_TIMEOUT
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
@@ -136,9 +135,7 @@ def state_of(
     now = time.monotonic()
     age = robot.odometry.age(now)
     return protocol.State(
-        state=(_state_name(progress, velocity, is_by_hand) if is_taken else
-               'stopping' if robot.stopper.is_stopping else
-               'standing by' if reason is None else 'stopped'),
+        state=_state_name(progress.state, velocity, is_taken, is_by_hand, reason),
         motion=progress.title if plan is not None else None,
         step=number or None, steps=count or None, progress=_rounded(done, 3),
         remaining=_rounded(remaining, 1), factors=factors,
@@ -150,12 +147,17 @@ def state_of(
 
 
 def _state_name(
-        progress: RunProgress, velocity: Velocity, is_by_hand: bool) -> protocol.StateName:
-    """Return the state of a drive that has the robot."""
-    if progress.state is RunState.CONNECTING or math.isnan(progress.began):
-        return 'taking'
-    if progress.state is RunState.HELD:
+        state: DriveState, velocity: Velocity, is_taken: bool, is_by_hand: bool,
+        reason: str | None) -> protocol.StateName:
+    """Return how the protocol calls a state."""
+    if state is DriveState.STOPPING or (state in UNDER_WAY and not is_taken):
+        return 'stopping'
+    if not is_taken:
+        return 'standing by' if reason is None else 'stopped'
+    if state is DriveState.PAUSED:
         return 'paused'
+    if state is not DriveState.DRIVING:
+        return 'taking'
     if is_by_hand:
         return 'ready' if velocity.is_zero else 'driving by hand'
     return 'driving'

@@ -161,11 +161,36 @@ class VelocitySent:
         return self.kind in RUN_KINDS
 
 
+class DriveState(Enum):
+    """
+    The state of the newest drive of a robot; only ``RobotDrive`` changes it.
+
+    The value is the word that the live display shows.
+    """
+
+    #: no drive was requested yet
+    READY = 'ready'
+    #: a drive was requested, and this program has no control of the robot yet
+    WAITING = 'waiting'
+    #: the zeros before the first velocity are sent
+    CONNECTING = 'connecting'
+    DRIVING = 'driving'
+    #: a speed factor holds the robot, which may still brake
+    PAUSED = 'paused'
+    #: only zeros are sent any more, and the stop is not complete
+    STOPPING = 'stopping'
+    #: the drive was complete, and the zeros of its stop were sent
+    STOPPED = 'stopped'
+    #: the drive ended early; the same then
+    CUT_SHORT = 'cut short'
+
+
 @dataclass(frozen=True)
-class StopBegan:
-    """The program begins to stop the robot; the zero velocities follow this event."""
+class StateChanged:
+    """The state of the newest drive has changed."""
 
     time: float
+    state: DriveState
 
 
 @dataclass(frozen=True)
@@ -198,11 +223,13 @@ class OdometryReceived:
     The program has received an odometry message.
 
     :param pose: in the frame ``odom``
+    :param is_still: whether it shows standstill, by the robot's ``StandstillDetector``
     """
 
     time: float
     pose: Pose
     velocity: Velocity = ZERO
+    is_still: bool = False
 
 
 @dataclass(frozen=True)
@@ -238,5 +265,5 @@ class SessionEnded:
 
 
 Event = (SessionStarted | MotionPlanned | MotionStarted | VelocitySent | SpeedFactorChanged
-         | OdometryReceived | StopBegan | StopConfirmed | MotionEnded | SessionEnded)
+         | OdometryReceived | StateChanged | StopConfirmed | MotionEnded | SessionEnded)
 EventHandler = Callable[[Event], None]

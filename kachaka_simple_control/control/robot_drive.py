@@ -17,10 +17,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from enum import Enum
 import math
+import threading
 
-from kachaka_simple_control.control.events import MotionStarted, VelocityKind
+from kachaka_simple_control.control.events import (
+    DriveState,
+    MotionEnded,
+    MotionStarted,
+    SpeedFactorChanged,
+    StateChanged,
+    VelocityKind,
+)
 from kachaka_simple_control.control.run_monitor import RunMonitor
 from kachaka_simple_control.control.speed_factor import is_hold, product, SpeedFactor
 from kachaka_simple_control.control.tick_scheduler import Tick, VelocitySource
@@ -30,16 +37,9 @@ from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.motion.geometry import compose, integrate, ORIGIN, Pose, ZERO
 from kachaka_simple_control.motion.plan import Plan
 
-
-class RunState(Enum):
-    """The state of the newest run; each value is a text that the user sees."""
-
-    NONE = 'nothing started yet'
-    CONNECTING = 'connecting to the robot'
-    DRIVING = 'driving'
-    HELD = 'paused'
-    ENDED = 'at rest'
-    ENDED_EARLY = 'stopped early'
+#: In these states a drive was requested, and its stop has not begun.
+UNDER_WAY = frozenset({
+    DriveState.WAITING, DriveState.CONNECTING, DriveState.DRIVING, DriveState.PAUSED})
 
 
 @dataclass(frozen=True)
@@ -69,17 +69,7 @@ class RunProgress:
     skipped: int = 0
     is_over: bool = False
     ended_by: str | None = None
-
-    @property
-    def state(self) -> RunState:
-        """Return the state of the newest run, for example connecting, driving, paused or ended."""
-        if not self.title:
-            return RunState.NONE
-        if self.is_over:
-            return RunState.ENDED if self.ended_by is None else RunState.ENDED_EARLY
-        if math.isnan(self.began):
-            return RunState.CONNECTING
-        return RunState.HELD if is_hold(product(self.factors)) else RunState.DRIVING
+    state: DriveState = DriveState.READY
 
     @property
     def planned_pose(self) -> Pose | None:
@@ -109,7 +99,8 @@ class RobotDrive:
     Drives one robot through a run, from the first velocity to the zero velocity at the end.
 
     It has no thread and reads no clock: ``step`` is told the time and says when it must be called
-    again. Any thread may use ``end`` and ``progress``.
+    again. Any thread may use ``end``, ``progress`` and ``on_stop``. Here alone the state of the
+    robot's drive changes, and each change is published as an event.
 
     :param monitor: sends heartbeats, corrects velocities, and raises the faults that end the run
     """
@@ -136,8 +127,16 @@ class RobotDrive:
         self._checked = -math.inf
         #: whether the source has changed since its last ``due`` call
         self._has_source_changed = False
+        self._state = self._state_before = DriveState.READY
+        self._is_held = speed_factor.is_hold
+        #: the run that only zeros follow any more, and the one whose stop has ended
+        self._ending: Run | None = None
+        self._stopped: Run | None = None
+        # Reentrant: a reader of events may set a speed factor when it is asked what it wants.
+        self._changing = threading.RLock()
+        speed_factor.on_change = self._on_factors
 
-    def request(self, title: str, plan: Plan | None = None) -> None:
+    def request(self, now: float, title: str, plan: Plan | None = None) -> None:
         """
         Show in ``progress`` which motion is driven next; the robot need not be connected yet.
 
@@ -145,7 +144,14 @@ class RobotDrive:
         """
         before = self._progress
         self._tick, self._way = None, (ORIGIN, 0.0)
+        self._state_before = DriveState.WAITING
         self._progress = RunProgress(title, plan, late=before.late, skipped=before.skipped)
+        self._update(now)
+
+    def connect(self, now: float) -> None:
+        """Record that the zeros before the first velocity are sent from now on."""
+        self._state_before = DriveState.CONNECTING
+        self._update(now)
 
     def begin(
             self, source: VelocitySource, t0: float, period: float | None = None,
@@ -193,12 +199,15 @@ class RobotDrive:
         if tick is None:
             self._count(gate.send(
                 run, ZERO, source.kind, self._due, source.plan_duration, source.skipped))
+            self._ending = run  # its stop follows, unless another run begins before
+            self._update(now)
             return None
         velocity = self.monitor.correct(tick, now)
         kind = source.kind if velocity is tick.velocity else VelocityKind.CORRECTION
         if self._tick is None:
             gate.publish(MotionStarted(run.began, tick.plan_time is not None))
             self._progress = replace(self._progress, began=run.began)
+            self._update(now)
         elif tick.velocity is not self._tick.velocity:
             way, since = self._way
             self._way = integrate(way, self._tick.velocity, tick.start - since), tick.start
@@ -228,13 +237,22 @@ class RobotDrive:
             self.gate.send_zero(after=run)
         return is_ended
 
-    def finish(self, reason: str | None = None) -> None:
+    def on_stop(self, now: float, run: Run | None, has_ended: bool) -> None:
+        """Record that the zeros of a run's stop begin, or that they have ended; for any thread."""
+        if run is self._run:
+            self._ending, self._stopped = run, run if has_ended else None
+            self._update(now)
+
+    def finish(self, now: float, reason: str | None = None, is_fault: bool = True) -> None:
         """
         Record that the newest drive is over.
 
         :param reason: why it ended early; None if it was complete
+        :param is_fault: whether an error ended it early; false if somebody requested the end
         """
         self._progress = replace(self.progress, is_over=True, ended_by=reason)
+        self.gate.publish(MotionEnded(now, reason, is_fault))
+        self._update(now)
 
     @property
     def is_at_rest(self) -> bool:
@@ -246,13 +264,37 @@ class RobotDrive:
     def progress(self) -> RunProgress:
         """Return the progress of the newest run, such as its plan and its planned pose."""
         tick = self._tick
-        if self._progress.is_over or tick is None:
-            return replace(self._progress, factors=self.speed_factor.factors)
+        progress = replace(
+            self._progress, factors=self.speed_factor.factors, state=self._state)
+        if progress.is_over or tick is None:
+            return progress
         way, since = self._way
         return replace(
-            self._progress, plan_time=tick.plan_time,
-            way=integrate(way, tick.velocity, tick.start - since),
-            factors=self.speed_factor.factors)
+            progress, plan_time=tick.plan_time,
+            way=integrate(way, tick.velocity, tick.start - since))
+
+    def _on_factors(self, now: float, factors: Mapping[str, float]) -> None:
+        self.gate.publish(SpeedFactorChanged(now, dict(factors)))
+        self._is_held = is_hold(product(factors))
+        self._update(now)
+
+    def _update(self, now: float) -> None:
+        """Change the state, and publish it, if what it follows from has changed."""
+        with self._changing:
+            state = self._due_state()
+            if state is not self._state:
+                self._state = state
+                self.gate.publish(StateChanged(now, state))
+
+    def _due_state(self) -> DriveState:
+        progress, run = self._progress, self._run
+        if math.isnan(progress.began) and not progress.is_over:
+            return self._state_before  # even if the stop of the run before is still sent
+        if self._ending is run and not (progress.is_over and self._stopped is run):
+            return DriveState.STOPPING
+        if progress.is_over:
+            return DriveState.STOPPED if progress.ended_by is None else DriveState.CUT_SHORT
+        return DriveState.PAUSED if self._is_held else DriveState.DRIVING
 
     def _count(self, sent: float) -> None:
         """Count late and skipped velocities."""

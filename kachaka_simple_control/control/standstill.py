@@ -79,25 +79,30 @@ class PausePose:
     """Measures how far somebody has moved the robot from where it came to rest in a pause."""
 
     def __init__(self) -> None:
-        self._standstill = StandstillDetector()
         self._paused = False
         self._pose: Pose | None = None
+        #: when the first odometry message of the pause arrived [s]; None before
+        self._first: float | None = None
         #: the newest pose from odometry; None before the first
         self.newest: Pose | None = None
 
     def on_sent(self, is_paused: bool) -> None:
         """Record, after each velocity, whether it was zero because of a pause."""
         if is_paused != self._paused:
-            self._paused, self._pose, self._standstill = is_paused, None, StandstillDetector()
+            self._paused, self._pose, self._first = is_paused, None, None
 
-    def on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
-        """Process an odometry message; ``moved`` measures from the pose after REST_SETTLE_TIME."""
+    def on_odometry(self, now: float, pose: Pose, still_since: float | None) -> None:
+        """
+        Process an odometry message; ``moved`` measures from the pose after REST_SETTLE_TIME.
+
+        :param still_since: by the ``StandstillDetector``
+        """
         self.newest = pose
         if not self._paused or self._pose is not None:
             return
-        self._standstill.on_odometry(now, velocity)
-        since = self._standstill.still_since(now)
-        if since is not None and now - since >= REST_SETTLE_TIME:
+        if (first := self._first) is None:
+            first = self._first = now
+        if still_since is not None and now - max(still_since, first) >= REST_SETTLE_TIME:
             self._pose = pose
 
     def accept(self) -> None:

@@ -25,7 +25,7 @@ import math
 import threading
 import time
 
-from kachaka_simple_control.control.events import Event, StopBegan, StopConfirmed
+from kachaka_simple_control.control.events import Event, StopConfirmed
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.preparation import (
     complete,
@@ -98,6 +98,9 @@ class StopController:
         self.stop_started: float | None = None
         #: called with why a late stop has failed
         self.on_failure: Callable[[str], object] = lambda _: None
+        #: called with the time, the run and False when the zeros of its stop begin, and with True
+        #: when they have ended
+        self.on_stop: Callable[[float, Run | None, bool], object] = lambda *_: None
         #: called at the end of each complete stop
         self.on_stopped: Callable[[], None] = lambda: None
 
@@ -105,11 +108,6 @@ class StopController:
     def is_stopped(self) -> bool:
         """Whether the newest drive was stopped completely; also True if no drive has begun yet."""
         return self._stopped is self._gate.run
-
-    @property
-    def is_stopping(self) -> bool:
-        """Whether the zero velocities of a stop are being sent now."""
-        return self._lock.locked()
 
     def stop(self, reason: ControlError | None, only: Run | None = None) -> str | None:
         """Go through the ``steps`` in the calling thread."""
@@ -137,10 +135,14 @@ class StopController:
         while not self._lock.acquire(blocking=False):
             yield Wait('the stop that another thread sends', math.inf)
         try:
-            if self._stopped is run:
-                return None
-            self.stop_started = moment.now
-            self._publish(StopBegan(self.stop_started))
+            return None if self._stopped is run else (yield from self._send_all(moment, run))
+        finally:
+            self._lock.release()
+
+    def _send_all(self, moment: Moment, run: Run | None) -> Steps[str | None]:
+        self.stop_started = moment.now
+        self.on_stop(moment.now, run, False)
+        try:
             try:
                 if not (yield from stop_steps(
                         moment, partial(self._send_zero, run), self._command_timeout)):
@@ -154,7 +156,7 @@ class StopController:
                 self._publish(StopConfirmed(self._clock()))
             self.on_stopped()
         finally:
-            self._lock.release()
+            self.on_stop(self._clock(), run, True)
         return None
 
     def _send_zero(self, run: Run | None) -> bool:

@@ -131,7 +131,8 @@ RESUME_QUIET_TIME = 1.0
 HAND_LEASE_TIME = 0.25
 #: The time between two velocities by hand.  Chosen.
 HAND_PERIOD = 0.05
-#: How often a remotely controlled program reports its state and issues a stamp.  Chosen.
+#: How often a remotely controlled program reports its state and issues a stamp, in a drive.
+#: Chosen.
 REMOTE_REPORT_PERIOD = 0.05
 #: How often the state is reported if it does not change, so that its reader sees that it is new.
 REMOTE_STATE_PERIOD = 1.0

@@ -17,20 +17,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum
 
 from kachaka_simple_control.analysis.step_results import driven
 from kachaka_simple_control.control import events
+from kachaka_simple_control.control.events import DriveState
 from kachaka_simple_control.control.speed_factor import is_hold, product
-from kachaka_simple_control.control.standstill import StandstillDetector
+from kachaka_simple_control.control.timing import ODOMETRY_MAX_AGE
 from kachaka_simple_control.motion.geometry import Displacement, Velocity
 from kachaka_simple_control.motion.plan import Plan, plan
 
 #: The rate of the plan that the display computes for a long motion without corners [Hz].  A low
 #: rate is enough, because the times of its steps do not depend on it.
 PLAN_RATE = 0.001
-#: The longest time between two zero velocities of a stop [s].
-MAX_ZERO_PERIOD = 0.1
 #: Odometry that is older than this is not used to show the progress of a step [s].
 DISPLAY_ODOMETRY_MAX_AGE = 0.5
 #: A driving program that sends no velocity for this time is shown as blocked [s].
@@ -38,19 +36,6 @@ EVENT_TIMEOUT = 1.0
 #: The words for the two things that are counted: the steps of a motion, or movements.  A movement
 #: is one call of a method that drives, such as ``move_robot``.
 STEP, MOVEMENT = 'step', 'movement'
-
-
-class DriveState(Enum):
-    """The states of a drive; the value of each state is the word that the display shows."""
-
-    READY = 'ready'
-    WAITING = 'waiting'
-    CONNECTING = 'connecting'
-    DRIVING = 'driving'
-    PAUSED = 'paused'
-    STOPPING = 'stopping'
-    STOPPED = 'stopped'
-    CUT_SHORT = 'cut short'
 
 
 @dataclass(frozen=True)
@@ -205,7 +190,7 @@ class DriveTracker:
         self._stop_time: float | None = None
         self._odometry: events.OdometryReceived | None = None
         self._commanded_odometer = self._driven_odometer = StepOdometer(None)
-        self._standstill = StandstillDetector()
+        self._state = DriveState.READY
         #: the last event of the program; None if the program still runs or was killed
         self.session_ended: events.SessionEnded | None = None
 
@@ -220,9 +205,8 @@ class DriveTracker:
                 self._on_plan(event)
             case events.MotionStarted():
                 self._on_start(event)
-            case events.StopBegan():
-                # If a motion ends early, MotionEnded follows when the stop is sent, 0.4 s later.
-                self._stop_time = event.time
+            case events.StateChanged():
+                self._on_state(event)
             case events.SpeedFactorChanged():
                 self._factors = event.factors
             case events.MotionEnded():
@@ -238,7 +222,7 @@ class DriveTracker:
         duration = self._plan.duration if self._plan is not None else None
         odometry = self._odometry
         return DriveStatus(
-            state=self._state(now),
+            state=self._state_at(now),
             title=self._title(),
             robot='' if self._session is None else self._session.robot,
             reason=None if self._ended is None else self._ended.reason,
@@ -283,6 +267,12 @@ class DriveTracker:
         self._started, self._stop_time, self._own = event.time, None, None
         self._reset_odometers()
 
+    def _on_state(self, event: events.StateChanged) -> None:
+        self._state = event.state
+        if event.state is DriveState.STOPPING:
+            # If a motion ends early, MotionEnded follows when the stop is sent, 0.4 s later.
+            self._stop_time = event.time
+
     def _reset_odometers(self) -> None:
         self._commanded_odometer = StepOdometer(self._plan)
         self._driven_odometer = StepOdometer(self._plan)
@@ -307,25 +297,17 @@ class DriveTracker:
 
     def _on_odometry(self, event: events.OdometryReceived) -> None:
         before, self._odometry = self._odometry, event
-        self._standstill.on_odometry(event.time, event.velocity)
         if before is not None and self.is_under_way and before.time < event.time:
             self._driven_odometer.update(
                 event.time - before.time, self._plan_time(event.time),
                 driven((before, event), before.time, event.time) or NO_DISPLACEMENT)
 
-    def _state(self, now: float) -> DriveState:
-        if self._planned is None and self._started is None:
-            return DriveState.READY
-        if self._ended is None:
-            if self._stop_time is not None:
-                return DriveState.STOPPING
-            if self._started is not None:
-                held = is_hold(product(self._factors))
-                return DriveState.PAUSED if held else DriveState.DRIVING
-            return DriveState.CONNECTING if self._sends_zeros(now) else DriveState.WAITING
-        if self._sends_zeros(now) or self._standstill.is_moving(now):
-            return DriveState.STOPPING
-        return DriveState.STOPPED if self._ended.reason is None else DriveState.CUT_SHORT
+    def _state_at(self, now: float) -> DriveState:
+        seen, is_over = self._odometry, self._state in (DriveState.STOPPED, DriveState.CUT_SHORT)
+        # No robot that is seen to move is called stopped, even when all zeros were sent.
+        is_moving = (
+            seen is not None and not seen.is_still and now - seen.time <= ODOMETRY_MAX_AGE)
+        return DriveState.STOPPING if is_over and is_moving else self._state
 
     def _wait_left(self, now: float) -> float | None:
         if self._session is None or self._planned is None or self._planned.time is None:
@@ -333,9 +315,6 @@ class DriveTracker:
         timeout = self._session.settings.get('robot_timeout')
         left = self._planned.time + timeout - now if isinstance(timeout, float) else 0.0
         return left if left > 0.0 else None
-
-    def _sends_zeros(self, now: float) -> bool:
-        return self._sent is not None and now - self._sent.time < MAX_ZERO_PERIOD
 
     def _silence(self, now: float) -> float | None:
         if not self.is_under_way or self._sent is None:

@@ -22,12 +22,9 @@ from __future__ import annotations
 import math
 import textwrap
 
+from kachaka_simple_control.control.events import DriveState
 from kachaka_simple_control.control.speed_factor import describe_factors, PAUSE
-from kachaka_simple_control.display.drive_status import (
-    DISPLAY_ODOMETRY_MAX_AGE,
-    DriveState,
-    DriveStatus,
-)
+from kachaka_simple_control.display.drive_status import DISPLAY_ODOMETRY_MAX_AGE, DriveStatus
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.text import format_fixed, one_line
 from rich.console import Console

@@ -123,7 +123,7 @@ class Commander:
         """
         with self._accepted(request, orders) as accepted:
             for robot, order in orders.items():
-                robot.drive.request(order.motion.name, order.plan)
+                robot.drive.request(time.monotonic(), order.motion.name, order.plan)
                 robot.publish(MotionPlanned(
                     order.motion, order.limits, order.rate, time.monotonic(), order.plan))
             accepted.period = min(order.plan.period for order in orders.values())
@@ -142,7 +142,7 @@ class Commander:
         :raises ControlError: if there is no control of the robot, or the drive ended early
         """
         with self._accepted(request, [robot]) as accepted:
-            robot.drive.request(title)
+            robot.drive.request(time.monotonic(), title)
             accepted.period = period
             with Drive([RobotTask(robot, source, period)]) as run:
                 run()

@@ -26,7 +26,6 @@ import sys
 from typing import Any
 
 from kachaka_simple_control.control.closing import Closers
-from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import DISCOVERY_TIMEOUT
@@ -115,8 +114,6 @@ class DriveNode(Node):
         self._introspection = IntrospectionPublishers(self, robots, self.event_bus)
         self._hub.start_odometry([
             robot.reader for robot in robots if robot.reader is not None])
-        for robot in robots:
-            _publish_speed(robot)
         self.drive_services = DriveServices(self, self.commander, robots)
         self._signal_handler = NodeSignalHandler(self, self.commander)
         self._stop_on_every_exit()
@@ -189,13 +186,6 @@ class DriveNode(Node):
         """Stop and release the robots; may be called again."""
         self.commander.close()
         self.event_bus.close()
-
-
-def _publish_speed(robot: Robot) -> None:
-    def publish(now: float, factors: Mapping[str, float]) -> None:
-        robot.publish(SpeedFactorChanged(now, dict(factors)))
-
-    robot.speed_factor.on_change = publish
 
 
 def _discard_if_stopped() -> None:

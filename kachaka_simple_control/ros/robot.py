@@ -25,7 +25,7 @@ import time
 
 from kachaka_simple_control import errors
 from kachaka_simple_control.control.drive_requests import DriveRequest
-from kachaka_simple_control.control.events import MotionEnded, OdometryReceived
+from kachaka_simple_control.control.events import OdometryReceived
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.preparation import complete, Moment, Steps
 from kachaka_simple_control.control.robot_drive import RobotDrive
@@ -109,10 +109,11 @@ class Robot:
         #: the newest run: its plan, its progress, and why it ended
         self.drive = RobotDrive(
             self.gate, self.monitor, self.speed_factor, profile.command_timeout)
+        self.stopper.on_stop = self.drive.on_stop
         self.connection = RobotConnection(
             node, self.publisher, parameters,
             settings.names.odometry if parameters.odometry_timeout else None,
-            self.odometry, self.gate, claim, self.guardian, self.discovery, self._foreign,
+            self.odometry, self.drive, claim, self.guardian, self.discovery, self._foreign,
             manual_control, lease, hub.executor)
         #: the newest drive that was requested; None before the first
         self.request: DriveRequest | None = None
@@ -199,8 +200,7 @@ class Robot:
 
     def finish(self) -> None:
         """Record that a drive has come to its end."""
-        self.drive.finish()
-        self.publish(MotionEnded(time.monotonic()))
+        self.drive.finish(time.monotonic())
 
     def end_early(self, error: BaseException, failure: str | None) -> BaseException:
         """
@@ -218,10 +218,8 @@ class Robot:
         if self.guardian.stopped_because is not None:
             error = errors.RunFaultError(
                 f'the guardian stopped the robot: {self.guardian.stopped_because}')
-        text = _text(error)
-        self.drive.finish(text)
-        self.publish(MotionEnded(time.monotonic(), text, is_fault=not isinstance(
-            error, (errors.MotionRefusedError, KeyboardInterrupt))))
+        self.drive.finish(time.monotonic(), _text(error), is_fault=not isinstance(
+            error, (errors.MotionRefusedError, KeyboardInterrupt)))
         return error
 
     def release(self, moment: Moment) -> Steps[None]:
@@ -242,9 +240,10 @@ class Robot:
         self.odometry.on_odometry(now, velocity)
         if self._feedback is not None and is_new:
             self._feedback.on_odometry(now, pose, is_moving=self.odometry.is_moving(now))
-        self.monitor.pause_pose.on_odometry(now, pose, velocity)
+        still_since = self.odometry.still_since(now)
+        self.monitor.pause_pose.on_odometry(now, pose, still_since)
         self.stopper.end.on_odometry(pose)
-        self.publish(OdometryReceived(now, pose, velocity))
+        self.publish(OdometryReceived(now, pose, velocity, still_since is not None))
 
     def check_resume(self, even_if_moved: bool) -> None:
         """Raise an error if the paused motion may not go on; do nothing if there is none."""

@@ -28,6 +28,7 @@ from kachaka_simple_control.control.events import VelocityKind
 from kachaka_simple_control.control.guardian import Guardian, GuardianProcess, NullGuardian
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.preparation import Moment, pause, Steps, until
+from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.run_monitor import LeaseRenewer
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.timing import (
@@ -39,7 +40,6 @@ from kachaka_simple_control.control.timing import (
     REST_TIMEOUT,
     STOP_REPEAT_PERIOD,
 )
-from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import MotionRefusedError, RobotTakenError, RunFaultError
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.ros.executors import BackgroundExecutor
@@ -71,7 +71,7 @@ class RobotConnection:
     parameters: NodeParameters
     odometry_topic: str | None
     odometry: StandstillDetector
-    gate: VelocityGate
+    drive: RobotDrive
     claim: RobotClaim
     guardian: Guardian | NullGuardian
     discovery: RobotDiscovery
@@ -130,7 +130,8 @@ class RobotConnection:
         if self.manual_control.is_needed:
             yield from self._enable_manual_control(moment)
         yield from self.discovery.wait_for_guardian(moment, timeout)
-        self.gate.open()
+        self.drive.gate.open()
+        self.drive.connect(moment.now)
         yield from self._prime(moment)
         self.discovery.remember_robot()
         self.is_taken = True
@@ -182,8 +183,9 @@ class RobotConnection:
         :raises RunFaultError: if the guardian does not send its zero velocities
         """
         end, count = moment.now + self.parameters.prime_time, self.guardian.prime_count
+        gate = self.drive.gate
         while moment.now < end:
-            self.gate.send_zero(self.gate.run, VelocityKind.PRIME)
+            gate.send_zero(gate.run, VelocityKind.PRIME)
             self.publisher.sent.record_guardian_zero(moment.now)
             self.guardian.prime()
             count += 1

@@ -19,8 +19,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from kachaka_simple_control.control.diagnosis import Diagnosis, Level
+from kachaka_simple_control.control.events import DriveState
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
-from kachaka_simple_control.control.robot_drive import RobotDrive, RunProgress, RunState
+from kachaka_simple_control.control.robot_drive import RobotDrive, RunProgress
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.velocity_gate import GateState
 from kachaka_simple_control.errors import ControlError
@@ -29,6 +30,11 @@ from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 
 #: Odometry older than this causes a warning [s]: it usually arrives 10 times per second or more.
 ODOMETRY_WARN_AGE = 1.0
+#: How the states are called that do not have the word of the live display.
+STATES = {
+    DriveState.READY: 'nothing started yet', DriveState.WAITING: 'connecting to the robot',
+    DriveState.CONNECTING: 'connecting to the robot', DriveState.STOPPED: 'at rest',
+    DriveState.CUT_SHORT: 'stopped early'}
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,8 @@ def _guardian(guardian: Guardian | NullGuardian) -> str:
 
 def diagnose(progress: RunProgress, status: RobotStatus) -> Diagnosis:
     """Return a diagnosis of the drive: OK, a warning or an error, with named values."""
-    state = 'stopped permanently' if status.stopped_by is not None else progress.state.value
+    state = ('stopped permanently' if status.stopped_by is not None else
+             STATES.get(progress.state, progress.state.value))
     level, message = _worst(progress, status, state)
     age = status.odometry_age
     return Diagnosis(level, message, {
@@ -123,7 +130,7 @@ def _worst(progress: RunProgress, status: RobotStatus, state: str) -> tuple[Leve
         return Level.ERROR, f'stopped permanently: {status.stopped_by}'
     if status.guardian.startswith('stopped'):
         return Level.ERROR, f'the guardian {status.guardian}'
-    if progress.state is RunState.ENDED_EARLY:
+    if progress.state is DriveState.CUT_SHORT:
         return Level.WARN, f'the last motion was over before its end: {progress.ended_by}'
     warnings = [
         ('no subscriber for the velocities', not status.subscriber_count),

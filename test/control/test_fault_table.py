@@ -28,8 +28,11 @@ from types import SimpleNamespace
 from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control.drive_loop import DriveLoop
 from kachaka_simple_control.control.events import (
+    DriveState,
+    MotionEnded,
     MotionStarted,
-    StopBegan,
+    SpeedFactorChanged,
+    StateChanged,
     StopConfirmed,
     VelocityKind,
     VelocitySent,
@@ -101,6 +104,7 @@ class Robot:
             self.gate, COMMAND_TIMEOUT, self.guardian,
             lambda: self.odometry.is_moving(self.time.now), self.time.clock, self.time.sleep,
             self.events.append)
+        self.stopper.on_stop = self.drive.on_stop
         #: what odometry does
         self.has_odometry, self.is_odometry_new, self.drift = True, True, 0.0
         self.pose, self.velocity, self.moved = ORIGIN, ZERO, self.time.now
@@ -130,7 +134,8 @@ class Robot:
         self.roll()
         if self.has_odometry:
             self.odometry.on_odometry(self.time.now, self.velocity)
-            self.monitor.pause_pose.on_odometry(self.time.now, self.pose, self.velocity)
+            self.monitor.pause_pose.on_odometry(
+                self.time.now, self.pose, self.odometry.still_since(self.time.now))
             if self.feedback is not None and self.is_odometry_new:
                 pose = type(self.pose)(self.pose.x + self.drift, self.pose.y, self.pose.theta)
                 self.feedback.on_odometry(
@@ -141,7 +146,7 @@ class Robot:
         if self.feedback is not None:
             self.feedback.begin(PLAN, LIMITS)
         self.monitor.begin(self.time.now, self.feedback, PLAN.period)
-        self.drive.request('there', PLAN)
+        self.drive.request(self.time.now, 'there', PLAN)
         start = self.time.now
         self.at, self.happen = start + at, happen
         self.drive.begin(TickScheduler(PLAN), start, PLAN.period)
@@ -151,9 +156,16 @@ class Robot:
                 [self.drive])
         except ControlError as error:
             self.stopper.stop(error)
+            self.drive.finish(self.time.now, str(error))
             return error
+        self.drive.finish(self.time.now)
         self.stopper.stop(MotionStoppedError('over'))
         return None
+
+    @property
+    def states(self):
+        """Return the states of the drive, as they were published."""
+        return [event.state for event in self.events if isinstance(event, StateChanged)]
 
 
 def raising(error):
@@ -237,9 +249,17 @@ def assert_stopped(robot, error):
     assert {event.kind for event in zeros} <= {VelocityKind.STOP, VelocityKind.GUARDIAN}
     assert len(zeros) >= STOP_BURST_COUNT
     assert zeros[-1].time - zeros[0].time >= COMMAND_TIMEOUT
-    assert [type(event) for event in robot.events if not isinstance(event, VelocitySent)] == [
-        MotionStarted, StopBegan, StopConfirmed]
-    assert robot.events[-1] == StopConfirmed(pytest.approx(robot.time.now))
+    paused = [DriveState.PAUSED] * isinstance(error, PauseTimeoutError)
+    assert robot.states == [
+        DriveState.WAITING, DriveState.DRIVING, *paused, DriveState.STOPPING,
+        DriveState.CUT_SHORT]
+    # Only the first zero, which is sent at once, may come before the event.
+    stopping = robot.events.index(StateChanged(robot.stopper.stop_started, DriveState.STOPPING))
+    assert sum(event in zeros for event in robot.events[:stopping]) <= 1
+    assert [type(event) for event in robot.events
+            if not isinstance(event, (VelocitySent, StateChanged, SpeedFactorChanged))] == [
+        MotionStarted, StopConfirmed, MotionEnded]
+    assert StopConfirmed(pytest.approx(robot.time.now)) in robot.events
     assert robot.velocity == ZERO
     with pytest.raises(type(error)):
         robot.drive.step(robot.time.now)
@@ -282,6 +302,8 @@ def test_without_a_fault_it_is_driven_to_its_end(happen, is_closed_loop):
     robot = Robot(is_closed_loop)
     assert robot.run(0.5, lambda: happen(robot)) is None
     assert robot.pose.x == pytest.approx(PLAN.pose.x, abs=0.01)
+    assert robot.states == [
+        DriveState.WAITING, DriveState.DRIVING, DriveState.STOPPING, DriveState.STOPPED]
     kinds = {event.kind for event in robot.events
              if isinstance(event, VelocitySent) and event.is_of_run}
     assert kinds == {VelocityKind.PLAN} | ({VelocityKind.CORRECTION} if is_closed_loop else set())

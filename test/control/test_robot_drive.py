@@ -18,9 +18,14 @@ import math
 
 from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control.drive_loop import DriveLoop
-from kachaka_simple_control.control.events import MotionStarted, VelocitySent
+from kachaka_simple_control.control.events import (
+    DriveState,
+    MotionStarted,
+    StateChanged,
+    VelocitySent,
+)
 from kachaka_simple_control.control.guardian_memory import Latch
-from kachaka_simple_control.control.robot_drive import RobotDrive, RunState
+from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.control.timing import CHECK_PERIOD, max_gap
@@ -71,21 +76,29 @@ class Bench:
         self.gate.open()
         self.plan = plan(Motion('test', moves), LIMITS, rate)
         self.monitor = CountingMonitor()
-        self.drive = RobotDrive(self.gate, self.monitor, SpeedFactor(), COMMAND_TIMEOUT)
+        self.factor = SpeedFactor(self.time.clock)
+        self.drive = RobotDrive(self.gate, self.monitor, self.factor, COMMAND_TIMEOUT)
         self.events = []
         self.gate.publish = self.events.append
 
     def run(self):
         """Run the plan."""
-        self.drive.request('test', self.plan)
+        self.drive.request(self.time.now, 'test', self.plan)
         self.drive.begin(TickScheduler(self.plan), self.time.now, self.plan.period)
         DriveLoop(self.time.clock, self.time.sleep).run([self.drive])
-        self.drive.finish()
+        self.drive.finish(self.time.now)
 
     @property
     def sent(self):
         """Return the events of what was sent."""
         return [event for event in self.events if isinstance(event, VelocitySent)]
+
+    @property
+    def states(self):
+        """Return the states that were published; the last one is that of the progress."""
+        states = [event.state for event in self.events if isinstance(event, StateChanged)]
+        assert states[-1] is self.drive.progress.state
+        return states
 
 
 def test_a_move_is_held_for_its_duration_and_ends_in_a_zero():
@@ -184,7 +197,8 @@ def test_a_run_begins_before_its_first_velocity_and_each_says_when_it_was_due():
     bench = Bench(Move(0.1, 0.0, 0.35))
     start = bench.time.now
     bench.run()
-    assert bench.events[0] == MotionStarted(start)
+    before, = (place for place, event in enumerate(bench.events) if event == MotionStarted(start))
+    assert bench.events.index(bench.sent[0]) > before
     assert [event.due for event in bench.sent] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.35])
     assert [event.plan_time for event in bench.sent] == [event.due for event in bench.sent]
     assert not any(event.is_delayed for event in bench.sent)
@@ -215,26 +229,69 @@ def test_its_progress_shows_the_run_from_the_request_to_the_end():
     bench = Bench(Move(0.1, 0.0, 1.0), Move(0.0, 0.5, 1.0))
     seen = []
     bench.time.on_sleep = lambda: seen.append(bench.drive.progress)
-    assert bench.drive.progress.state is RunState.NONE
     start = bench.time.now
-    bench.drive.request('test', bench.plan)
-    assert bench.drive.progress.state is RunState.CONNECTING
+    bench.drive.request(start, 'test', bench.plan)
     assert bench.drive.progress.step == (0, 2)
     bench.run()
-    assert {progress.state for progress in seen} == {RunState.DRIVING}
+    assert {progress.state for progress in seen} == {DriveState.DRIVING}
     assert {progress.began for progress in seen} == {start}
     assert [step for step, _ in groupby(progress.step for progress in seen)] == [(1, 2), (2, 2)]
     assert max(progress.way.x for progress in seen) == pytest.approx(0.1)
-    assert bench.drive.progress.state is RunState.ENDED
-    bench.drive.request('next', bench.plan)
-    bench.drive.finish('the robot left')
-    assert bench.drive.progress.state is RunState.ENDED_EARLY
+    bench.drive.request(bench.time.now, 'next', bench.plan)
+    bench.drive.finish(bench.time.now, 'the robot left')
     assert bench.drive.progress.ended_by == 'the robot left'
+
+
+@pytest.mark.parametrize('factor, state', [
+    (1.0, DriveState.DRIVING), (0.01, DriveState.DRIVING), (0.005, DriveState.PAUSED),
+    (0.0, DriveState.PAUSED)])
+def test_a_drive_that_is_held_is_paused(factor, state):
+    bench = Bench(Move(0.1, 0.0, 1.0))
+    bench.factor.set('obstacle', factor)
+    bench.run()
+    assert bench.states == [DriveState.WAITING, state, DriveState.STOPPING]
+    for _ in range(2):
+        bench.factor.set('obstacle', 1.0 - bench.factor.value)
+    assert bench.states[-1] is DriveState.STOPPING
+
+
+def test_a_drive_is_stopped_when_it_is_over_and_all_zeros_are_sent():
+    """Whichever comes first, and however often a stop is interrupted."""
+    for reason in (None, 'the robot left'):
+        bench = Bench(Move(0.1, 0.0, 1.0))
+        bench.drive.request(bench.time.now, 'test', bench.plan)
+        bench.drive.connect(bench.time.now)
+        run = bench.drive.begin(TickScheduler(bench.plan), bench.time.now, bench.plan.period)
+        bench.drive.step(bench.time.now)
+        for has_ended in (False, True, False, True):
+            bench.drive.on_stop(bench.time.now, run, has_ended)
+        bench.drive.finish(bench.time.now, reason)
+        assert bench.states == [
+            DriveState.WAITING, DriveState.CONNECTING, DriveState.DRIVING, DriveState.STOPPING,
+            DriveState.STOPPED if reason is None else DriveState.CUT_SHORT]
+
+
+def test_the_stop_of_a_drive_is_not_that_of_the_next():
+    """It is still sent while the next one waits for its robot, and perhaps a moment longer."""
+    bench = Bench(Move(0.1, 0.0, 1.0))
+    bench.run()
+    before = bench.gate.run
+    bench.drive.request(bench.time.now, 'next', bench.plan)
+    bench.drive.on_stop(bench.time.now, before, False)
+    assert bench.states[-1] is DriveState.WAITING
+    bench.drive.begin(TickScheduler(bench.plan), bench.time.now, bench.plan.period)
+    bench.drive.step(bench.time.now)
+    bench.drive.on_stop(bench.time.now, before, False)
+    assert bench.states[-2:] == [DriveState.WAITING, DriveState.DRIVING]
+    DriveLoop(bench.time.clock, bench.time.sleep).run([bench.drive])
+    bench.drive.finish(bench.time.now)
+    bench.drive.on_stop(bench.time.now, before, True)
+    assert bench.states[-1] is DriveState.STOPPING
 
 
 def test_the_planned_pose_is_as_odometry_would_show_it():
     bench = Bench(Move(0.1, 0.0, 1.0))
-    bench.drive.request('test', bench.plan)
+    bench.drive.request(bench.time.now, 'test', bench.plan)
     assert bench.drive.progress.planned_pose is None
     bench.drive.begin(
         TickScheduler(bench.plan), bench.time.now, bench.plan.period, None,

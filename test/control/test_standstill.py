@@ -40,43 +40,58 @@ def test_old_odometry_is_ignored():
     assert moving.age(2.0) == 1.0
 
 
+class Pause(PausePose):
+    """What tells how far a robot was moved, with the detector of the robot."""
+
+    def __init__(self):
+        """Stand still, and begin a pause."""
+        super().__init__()
+        self.detector = StandstillDetector()
+        self.see(0.0, Pose(), ZERO)
+        self.on_sent(is_paused=True)
+
+    def see(self, now, pose, velocity):
+        """Take an odometry message."""
+        self.detector.on_odometry(now, velocity)
+        self.on_odometry(now, pose, self.detector.still_since(now))
+
+
 def paused(pose):
-    """Return what tells how far a robot was moved, after it has stood paused at a pose."""
-    pause_pose = PausePose()
-    pause_pose.on_sent(is_paused=True)
+    """Return such a pause, after the robot has stood at a pose."""
+    pause_pose = Pause()
     for now in (1.0, 1.0 + REST_SETTLE_TIME):
-        pause_pose.on_odometry(now, pose, ZERO)
+        pause_pose.see(now, pose, ZERO)
     return pause_pose
 
 
 def test_a_robot_that_is_moved_while_paused_is_seen():
     pause_pose = paused(Pose(1.0, 2.0, 3.0))
     assert pause_pose.moved() == (0.0, 0.0)
-    pause_pose.on_odometry(2.0, Pose(1.03, 2.04, 2.9), FORWARD)
+    pause_pose.see(2.0, Pose(1.03, 2.04, 2.9), FORWARD)
     assert pause_pose.moved() == pytest.approx((0.05, 0.1))
 
 
 def test_the_pose_of_a_pause_is_that_of_a_robot_that_has_stood_for_a_while():
     """Before, it may still brake, and what it sends may be late."""
-    pause_pose = PausePose()
-    pause_pose.on_sent(is_paused=True)
-    pause_pose.on_odometry(1.0, Pose(0.0), FORWARD)
-    pause_pose.on_odometry(1.2, Pose(0.1), ZERO)
-    pause_pose.on_odometry(1.6, Pose(0.1), ZERO)
-    pause_pose.on_odometry(1.65, Pose(0.3), FORWARD)
+    pause_pose = Pause()
+    pause_pose.see(0.9, Pose(0.0), ZERO)
+    pause_pose.see(1.0, Pose(0.0), FORWARD)
+    pause_pose.see(1.2, Pose(0.1), ZERO)
+    pause_pose.see(1.6, Pose(0.1), ZERO)
+    pause_pose.see(1.65, Pose(0.3), FORWARD)
     assert pause_pose.moved() == (0.0, 0.0), 'it had stood for less than half a second'
 
 
 def test_each_pause_has_its_own_pose_and_motion_has_none():
     pause_pose = paused(Pose(0.0))
     pause_pose.on_sent(is_paused=False)
-    pause_pose.on_odometry(2.0, Pose(1.0), FORWARD)
+    pause_pose.see(2.0, Pose(1.0), FORWARD)
     assert pause_pose.moved() == (0.0, 0.0)
     pause_pose.on_sent(is_paused=True)
     for now in (3.0, 3.0 + REST_SETTLE_TIME):
         pause_pose.on_sent(is_paused=True)
-        pause_pose.on_odometry(now, Pose(2.0), ZERO)
-    pause_pose.on_odometry(4.0, Pose(2.5), ZERO)
+        pause_pose.see(now, Pose(2.0), ZERO)
+    pause_pose.see(4.0, Pose(2.5), ZERO)
     assert pause_pose.moved() == (0.5, 0.0)
 
 
@@ -86,8 +101,8 @@ def test_each_pause_has_its_own_pose_and_motion_has_none():
 ])
 def test_a_robot_that_was_moved_while_paused_may_not_go_on(pose, text):
     pause_pose = paused(Pose(1.0, 2.0, 3.0))
-    pause_pose.on_odometry(2.0, Pose(1.01, 2.0, 3.01), FORWARD)
+    pause_pose.see(2.0, Pose(1.01, 2.0, 3.01), FORWARD)
     pause_pose.require_not_moved()
-    pause_pose.on_odometry(2.1, pose, FORWARD)
+    pause_pose.see(2.1, pose, FORWARD)
     with pytest.raises(RobotMovedError, match=text):
         pause_pose.require_not_moved()

@@ -21,13 +21,13 @@ import threading
 import time
 import types
 
+from kachaka_simple_control.control.events import DriveState
 from kachaka_simple_control.display.display_program import (
     LineRenderer,
     PanelRenderer,
     renderer_for,
     TerminalDisplay,
 )
-from kachaka_simple_control.display.drive_status import DriveState
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.telemetry.subscriber_process import encode
 from messages import of_plan
@@ -48,6 +48,7 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
 from kachaka_simple_control.control.events import MotionEnded, MotionPlanned, MotionStarted
 from kachaka_simple_control.control.events import SessionStarted, VelocityKind, VelocitySent
+from kachaka_simple_control.control.events import DriveState, StateChanged
 
 limits = Limits(0.25, 1.0)
 event_bus, slowest = EventBus(), 0.0
@@ -56,9 +57,11 @@ with SubscriberProcesses(event_bus) as subscribers:
     event_bus.publish(SessionStarted(
         'there', 'kachaka', limits, 0.3, 0.0, 'cmd_vel', None, settings={'guardian': True}))
     event_bus.publish(MotionPlanned(Motion('there', (Forward(DISTANCE),)), limits, 50.0))
+    event_bus.publish(StateChanged(time.monotonic(), DriveState.WAITING))
     sys.stdin.readline()  # until there is somebody to see it
     began = time.monotonic()
     event_bus.publish(MotionStarted(began))
+    event_bus.publish(StateChanged(began, DriveState.DRIVING))
     for tick in range(round(200 * DISTANCE)):
         before = time.monotonic()
         event_bus.publish(VelocitySent(

@@ -20,6 +20,7 @@ from itertools import pairwise
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from kachaka_simple_control.control.events import (
+    DriveState,
     MotionEnded,
     MotionPlanned,
     MotionStarted,
@@ -27,7 +28,7 @@ from kachaka_simple_control.control.events import (
     SessionEnded,
     SessionStarted,
     SpeedFactorChanged,
-    StopBegan,
+    StateChanged,
     VelocityKind,
     VelocitySent,
 )
@@ -36,13 +37,13 @@ from kachaka_simple_control.display.display_program import (
     MIN_LINE_PERIOD,
     StepLogger,
 )
-from kachaka_simple_control.display.drive_status import DriveState, DriveTracker, PLAN_RATE
+from kachaka_simple_control.display.drive_status import DriveTracker, PLAN_RATE
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Forward, Motion, Move, Turn, Wait
-from messages import of_plan, of_prime, of_stop
+from messages import of_plan, of_stop
 import pytest
 from strategies import LIMITS, MOTIONS
 
@@ -56,11 +57,12 @@ VELOCITIES = st.builds(Velocity, st.floats(-1.0, 1.0), st.floats(-2.0, 2.0))
 EVENTS = st.one_of(
     st.just(STARTED), st.builds(MotionPlanned, st.just(THREE), st.just(ABRUPT), st.just(10.0)),
     st.just(MotionPlanned(Motion('empty', ()), ABRUPT, 10.0)),
-    st.builds(MotionStarted, TIMES, st.booleans()), st.builds(StopBegan, TIMES),
+    st.builds(MotionStarted, TIMES, st.booleans()),
+    st.builds(StateChanged, TIMES, st.sampled_from(DriveState)),
     st.builds(VelocitySent, TIMES, VELOCITIES, st.sampled_from(VelocityKind), TIMES,
               st.none() | TIMES),
     st.builds(OdometryReceived, TIMES, st.builds(Pose, st.floats(-9, 9), st.floats(-9, 9)),
-              VELOCITIES),
+              VELOCITIES, st.booleans()),
     st.builds(MotionEnded, TIMES, st.none() | st.text()), st.builds(SessionEnded, TIMES))
 
 
@@ -68,7 +70,8 @@ def started(motion=THREE, limits=ABRUPT, session=STARTED):
     """Return the tracker of a motion whose first velocity was sent."""
     tracker = DriveTracker()
     for event in (session, MotionPlanned(motion, limits, 10.0),
-                  MotionStarted(START), of_plan(START, Velocity(0.25), START)):
+                  MotionStarted(START), StateChanged(START, DriveState.DRIVING),
+                  of_plan(START, Velocity(0.25), START)):
         tracker.on_event(event)
     return tracker
 
@@ -152,42 +155,39 @@ def test_by_commands_a_calibrated_robot_does_what_was_planned():
     assert status.commanded == Velocity(0.3)
 
 
-def test_states_follow_the_events():
+def test_the_state_is_the_one_that_was_published():
     tracker = DriveTracker()
     assert tracker.status_at(0.0).state is DriveState.READY
-    tracker.on_event(STARTED)
-    tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0))
-    assert tracker.status_at(1.0).state is DriveState.WAITING
-    tracker.on_event(of_prime(2.0))
-    assert tracker.status_at(2.05).state is DriveState.CONNECTING
-    tracker.on_event(MotionStarted(2.1))
-    tracker.on_event(of_plan(2.1, Velocity(0.25), 2.1))
-    assert tracker.status_at(2.1).state is DriveState.DRIVING
-    tracker.on_event(of_plan(6.1, ZERO, 2.1))
-    tracker.on_event(MotionEnded(6.1))
-    assert tracker.status_at(6.15).state is DriveState.STOPPING
-    assert tracker.status_at(6.3).state is DriveState.STOPPED
-    assert tracker.status_at(6.3).fraction == 1.0
+    for state in DriveState:
+        tracker.on_event(StateChanged(1.0, state))
+        assert tracker.status_at(9.0).state is state
+
+
+def test_a_complete_drive_has_nothing_left():
+    tracker = driven(4.0)
+    for event in (StateChanged(START + 4.0, DriveState.STOPPING), MotionEnded(START + 4.0)):
+        tracker.on_event(event)
+        assert tracker.status_at(START + 5.0).fraction == pytest.approx(1.0)
 
 
 def test_a_stop_is_shown_from_its_first_zeros():
     """Its MotionEnded comes 0.4 s later; until then no further step must be shown."""
     tracker = driven(1.9)
-    tracker.on_event(StopBegan(START + 1.95))
+    tracker.on_event(StateChanged(START + 1.95, DriveState.STOPPING))
     tracker.on_event(of_stop(START + 1.95))
     status = tracker.status_at(START + 2.03)
     assert status.state is DriveState.STOPPING
     assert status.step.number == 1
     assert StepLogger().update(status, START + 2.03) == []
-    tracker.on_event(MotionEnded(START + 2.35, 'stopped by SIGINT'))
-    assert tracker.status_at(START + 2.5).state is DriveState.CUT_SHORT
 
 
 def test_as_long_as_odometry_sees_it_move_it_is_stopping():
+    """Even when the program has given up, and sends no more zeros."""
     tracker = driven(1.0)
     tracker.on_event(MotionEnded(START + 1.0, 'stopped by SIGINT'))
+    tracker.on_event(StateChanged(START + 1.0, DriveState.CUT_SHORT))
     assert tracker.status_at(START + 1.2).state is DriveState.STOPPING
-    tracker.on_event(OdometryReceived(START + 1.2, Pose(0.3), ZERO))
+    tracker.on_event(OdometryReceived(START + 1.2, Pose(0.3), ZERO, is_still=True))
     status = tracker.status_at(START + 1.2)
     assert (status.state, status.reason) == (DriveState.CUT_SHORT, 'stopped by SIGINT')
     assert status.fraction == pytest.approx(0.25)
@@ -212,9 +212,11 @@ def test_motions_by_call_are_counted(count, labels):
     tracker, logger, lines = DriveTracker(), StepLogger(), []
     tracker.on_event(lesson)
     for start, move in zip((START, START + 1.0), moves):
+        tracker.on_event(StateChanged(start, DriveState.WAITING))
         tracker.on_event(MotionPlanned(Motion('move_robot', (move,)), ABRUPT, 10.0))
         lines += logger.update(tracker.status_at(start), start)
         tracker.on_event(MotionStarted(start))
+        tracker.on_event(StateChanged(start, DriveState.DRIVING))
         lines += logger.update(tracker.status_at(start), start)
         tracker.on_event(MotionEnded(start + 1.0))
     assert lines == [f'{labels[0]}: move 0.1 m/s, 0 rad/s (1 s)',
@@ -247,6 +249,7 @@ def waiting(began=START):
     tracker.on_event(replace(
         STARTED, velocity_topic='/kachaka/cmd_vel', settings={'robot_timeout': 10.0}))
     tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0, began))
+    tracker.on_event(StateChanged(began, DriveState.WAITING))
     return tracker
 
 
@@ -286,6 +289,7 @@ def test_a_panel_has_all_figures(drawn, columns):
 def test_what_is_left_takes_longer_at_less_speed(drawn, factors, state, texts):
     tracker = driven(0.8)
     tracker.on_event(SpeedFactorChanged(START + 0.88, factors))
+    tracker.on_event(StateChanged(START + 0.88, DriveState[state]))
     text = '\n'.join(drawn(tracker.status_at(START + 0.88), 100))
     assert f' {state} ' in text
     for part in texts:
@@ -297,6 +301,7 @@ def test_after_an_early_end_nothing_is_left(drawn, factors):
     tracker = driven(0.8)
     tracker.on_event(SpeedFactorChanged(START + 0.88, factors))
     tracker.on_event(MotionEnded(START + 0.88, 'stop requested'))
+    tracker.on_event(StateChanged(START + 0.88, DriveState.CUT_SHORT))
     text = '\n'.join(drawn(tracker.status_at(START + 5.0), 100))
     assert ' CUT SHORT ' in text
     assert '22 %   planned: 4.0 s' in text

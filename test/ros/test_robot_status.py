@@ -18,6 +18,7 @@ from __future__ import annotations
 import dataclasses
 
 from kachaka_simple_control.control.diagnosis import Level
+from kachaka_simple_control.control.events import DriveState
 from kachaka_simple_control.control.robot_drive import RunProgress
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
@@ -38,7 +39,7 @@ IN_ORDER = RobotStatus(
 
 PLAN = plan(Motion('on', (Move(0.1, 0.0, 1.0), Move(0.0, 0.5, 1.0))), ABRUPT, 10.0)
 NONE = RunProgress()
-DRIVING = RunProgress('on', PLAN, began=100.0, plan_time=0.5)
+DRIVING = RunProgress('on', PLAN, began=100.0, plan_time=0.5, state=DriveState.DRIVING)
 
 
 def diagnosis_of(progress=NONE, **changes):
@@ -63,11 +64,11 @@ def test_the_worst_is_the_message(changes, level, text):
     assert diagnosis_of(**changes)[:2] == (level, text)
 
 
-@pytest.mark.parametrize('factor, state', [
-    (1.0, 'driving'), (0.01, 'driving'), (0.005, 'paused'), (0.0, 'paused')])
-def test_a_motion_that_is_held_is_paused(factor, state):
-    progress = dataclasses.replace(DRIVING, factors={'obstacle': factor})
-    assert diagnosis_of(progress).values['state'] == state
+@pytest.mark.parametrize('state, text', [*zip(DriveState, (
+    'nothing started yet', 'connecting to the robot', 'connecting to the robot', 'driving',
+    'paused', 'stopping', 'at rest', 'stopped early'))])
+def test_each_state_has_its_documented_text(state, text):
+    assert diagnosis_of(dataclasses.replace(DRIVING, state=state)).values['state'] == text
 
 
 @pytest.mark.parametrize('plan_time, step', [
@@ -77,14 +78,10 @@ def test_steps_are_numbered(plan_time, step):
     assert diagnosis_of(progress).values['step'] == step
 
 
-def test_a_motion_that_has_not_begun_is_connecting():
-    assert diagnosis_of(RunProgress('on', PLAN)).values['state'] == 'connecting to the robot'
-
-
 def test_skipped_velocities_and_an_early_end_are_a_warning():
     assert diagnosis_of(RunProgress(skipped=2))[:2] == (Level.WARN, 'velocities were skipped')
     diagnosis = diagnosis_of(dataclasses.replace(
-        DRIVING, is_over=True, ended_by='the robot left', skipped=2))
+        DRIVING, state=DriveState.CUT_SHORT, ended_by='the robot left', skipped=2))
     assert diagnosis[:2] == (
         Level.WARN, 'the last motion was over before its end: the robot left')
     assert diagnosis.values['state'] == 'stopped early'

@@ -146,7 +146,7 @@ print('the last of all:', seen[-1])
 """
     with script(text, tmp_path) as started:
         assert started.end() == 0
-    assert 'the last of all: StopConfirmed' in started.text
+    assert 'the last of all: StateChanged' in started.text
     assert 'no longer published' not in started.text
 
 

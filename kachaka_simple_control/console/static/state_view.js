@@ -44,7 +44,7 @@ export class StateView {
     byId('report').hidden = report === null;
     if (report !== null) byId('report').href = `/report/${report}`;
     showRobot(state.battery ?? null, state.robot_errors ?? null);
-    // It is told whenever it changes, so it is right until the next message.
+    // It is told with each change of the state, and at rest once a second.
     this.odometryAge = state.odometry_age ?? null;
   }
 

@@ -1,0 +1,139 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What a remotely controlled drive reports, in which words and how often; the clock is set."""
+
+from types import SimpleNamespace
+
+from fake_time import FakeTime
+from kachaka_simple_control.control.events import (
+    DriveState,
+    OdometryReceived,
+    SpeedFactorChanged,
+    StateChanged,
+)
+from kachaka_simple_control.control.robot_drive import RunProgress
+from kachaka_simple_control.control.standstill import StandstillDetector
+from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
+from optional_libraries import MISSING, optional_imports
+import pytest
+
+RemoteCommands = MISSING
+with optional_imports():
+    from kachaka_simple_control.commands import remote_commands, remote_reports
+    from kachaka_simple_control.commands.remote_commands import RemoteCommands
+
+pytestmark = pytest.mark.needs('rclpy', 'std_msgs')
+
+NEVER, OVER, MOVES = 'standing by', 'stopped', Velocity(0.1)
+
+
+@pytest.mark.parametrize('state, is_taken, is_by_hand, velocity, reason, name', [
+    (DriveState.READY, False, False, ZERO, None, NEVER),
+    (DriveState.READY, True, False, ZERO, None, 'taking'),
+    (DriveState.WAITING, True, True, ZERO, None, 'taking'),
+    (DriveState.CONNECTING, True, True, ZERO, None, 'taking'),
+    (DriveState.DRIVING, True, True, ZERO, None, 'ready'),
+    (DriveState.DRIVING, True, True, MOVES, None, 'driving by hand'),
+    (DriveState.DRIVING, True, False, ZERO, None, 'driving'),
+    (DriveState.PAUSED, True, False, MOVES, None, 'paused'),
+    # A stop was asked for, and its first zero is sent in a moment.
+    (DriveState.DRIVING, False, False, MOVES, None, 'stopping'),
+    *((DriveState.STOPPING, is_taken, False, ZERO, None, 'stopping') for is_taken in (0, 1)),
+    (DriveState.STOPPED, False, False, ZERO, None, NEVER),
+    (DriveState.CUT_SHORT, False, False, ZERO, 'by ~/stop', OVER),
+    # It is taken again, and the next drive is not requested yet.
+    (DriveState.CUT_SHORT, True, True, ZERO, None, 'taking')])
+def test_each_state_has_the_name_of_the_protocol(
+        state, is_taken, is_by_hand, velocity, reason, name):
+    robot = SimpleNamespace(odometry=StandstillDetector(), pose=None)
+    report = remote_reports.state_of(
+        robot, RunProgress(state=state), velocity, is_taken, is_by_hand, reason)
+    assert report.state == name
+
+
+class Beside:
+    """The reports beside a drive; ``at`` says what happens when [s]."""
+
+    def __init__(self, monkeypatch, at):
+        """Begin at rest."""
+        self.time, self.at, self.began = FakeTime(), at, 0.0
+        clock = SimpleNamespace(monotonic=self.time.clock, sleep=self.time.sleep)
+        for module in (remote_commands, remote_reports):
+            monkeypatch.setattr(module, 'time', clock)
+        self.progress, self.states, self.looks = RunProgress(), [], []
+        robot = SimpleNamespace(odometry=StandstillDetector(), pose=None)
+        writer = SimpleNamespace(
+            velocity=ZERO, on_event=lambda event: None, write=self.states.append)
+        self.commands = RemoteCommands(SimpleNamespace(
+            robot=robot, commander=self, profile=SimpleNamespace(is_kachaka=False)), 0, writer)
+        self.commands._has_changed = self
+        self.began, self.time.on_sleep = self.time.now, self.go_on
+
+    @property
+    def state(self):
+        """Return the progress."""
+        return self.progress
+
+    def run(self, until):
+        """Write reports; return when it looked for something to write [s]."""
+        self.at[until] = lambda: setattr(self.commands, '_is_over', True)
+        self.commands._write_more = lambda progress: self.looks.append(self.time.now - self.began)
+        self.commands._write_reports()
+        return self.looks
+
+    def enter(self, state):
+        """Change the state."""
+        self.progress = RunProgress(state=state)
+        self.commands._on_event(StateChanged(self.time.now, state))
+
+    def go_on(self):
+        """Let happen what is due, and odometry come."""
+        while self.at and min(self.at) <= self.time.now - self.began:
+            self.at.pop(min(self.at))()
+        self.commands._on_event(OdometryReceived(
+            self.time.now, Pose(), ZERO, is_still=True))
+
+    def set(self):  # noqa: A003
+        """Do as an event of a thread does."""
+        self.is_set = True
+
+    def clear(self):
+        """Do as an event of a thread does."""
+        self.is_set = False
+
+    def wait(self, timeout):
+        """Do as an event of a thread does."""
+        end = self.time.now + timeout
+        while not self.is_set and self.time.now < end:
+            self.time.sleep(0.01)
+
+
+def test_at_rest_it_looks_for_something_to_report_once_a_second(monkeypatch):
+    beside = Beside(monkeypatch, {})
+    looks = beside.run(until=20.0)
+    assert len(looks) <= 22
+    assert len(beside.states) >= 20, 'its reader does not see that it is there'
+
+
+def test_a_change_is_reported_at_once_and_figures_often(monkeypatch):
+    beside = Beside(monkeypatch, {
+        3.3: lambda: beside.enter(DriveState.DRIVING),
+        5.3: lambda: beside.enter(DriveState.STOPPED),
+        8.3: lambda: beside.commands._on_event(SpeedFactorChanged(0.0, {}))})
+    looks = beside.run(until=10.0)
+    for change in (3.3, 5.3, 8.3):
+        assert any(change <= look <= change + 0.12 for look in looks)
+    assert 35 <= sum(3.3 <= look <= 5.3 for look in looks) <= 42
+    assert sum(look > 5.4 for look in looks) <= 7
+    assert 'driving' in {state.state for state in beside.states}
