@@ -23,7 +23,6 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 import contextlib
 import gc
-import heapq
 import os
 import select
 import threading
@@ -77,12 +76,15 @@ class DriveLoop:
     wait for this thread: the thread that requests it sends the first zero velocity itself.
 
     :param sleep: sleeps for a time [s]; None for a ``Sleeper``, the only one that ``wake`` can end
+    :param beat: writes the heartbeat of this thread
     """
 
     def __init__(
             self, clock: Callable[[], float] = time.monotonic,
-            sleep: Callable[[float], None] | None = None) -> None:
+            sleep: Callable[[float], None] | None = None,
+            beat: Callable[[], None] = lambda: None) -> None:
         self._clock = clock
+        self._beat = beat
         self._sleeper: Sleeper | None = Sleeper()
         self._sleep = sleep or self._sleeper.sleep
         self._woken: deque[RobotDrive] = deque()
@@ -102,7 +104,8 @@ class DriveLoop:
 
     def run(
             self, drives: Sequence[RobotDrive],
-            on_failure: Callable[[RobotDrive, Exception], None] | None = None) -> None:
+            on_failure: Callable[[RobotDrive, Exception], None] | None = None,
+            on_end: Callable[[RobotDrive], None] = lambda _: None) -> None:
         """
         Drive robots until all drives have ended.
 
@@ -112,54 +115,54 @@ class DriveLoop:
 
         :param on_failure: called in this thread with a drive and the error that ended it; the
             others continue.  None: the error of one drive ends all
+        :param on_end: called in this thread with a drive that has come to its end before others:
+            its robot has got one zero velocity
         :raises ControlError: if a drive could not continue and ``on_failure`` is None
         """
         following = dict.fromkeys(range(len(drives)), 0.0)
-        heap = [(0.0, number) for number in following]
         self._woken.clear()
         try:
-            while heap:
-                while (left := heap[0][0] - self._clock()) > 0.0:
+            while following:
+                while (left := min(following.values()) - (woken := self._clock())) > 0.0:
                     self._sleep(left)
-                    self._call_woken(drives, following, heap)
-                at, number = heapq.heappop(heap)
-                if following.get(number) != at:
-                    continue  # an old entry: the drive was woken after it was added
-                then = None
-                try:
-                    then = drives[number].step(self._clock())
-                except Exception as error:
-                    if on_failure is None:
-                        self.failed = drives[number]
-                        raise
-                    drives[number].end(control_error(error))
-                    on_failure(drives[number], error)
-                if then is None:
+                    self._call_woken(drives, following)
+                # Only here: each drive that was due at the last heartbeat has been called since.
+                # So a thread that has too much to do is silent, like one that hangs.
+                self._beat()
+                for number in [number for number, at in following.items() if at <= woken]:
+                    try:
+                        then = drives[number].step(self._clock(), woken)
+                    except Exception as error:
+                        if on_failure is None:
+                            self.failed = drives[number]
+                            raise
+                        del following[number]
+                        drives[number].end(control_error(error))
+                        on_failure(drives[number], error)
+                        continue
+                    if then is not None:
+                        following[number] = then
+                        continue
                     del following[number]
-                else:
-                    following[number] = then
-                    heapq.heappush(heap, (then, number))
+                    if following:
+                        on_end(drives[number])
         except BaseException as error:
             # This includes KeyboardInterrupt.  If there is only one drive, the caller stops it.
             for number in following if len(drives) > 1 else ():
                 drives[number].end(control_error(error))
             raise
 
-    def _call_woken(
-            self, drives: Sequence[RobotDrive], following: dict[int, float],
-            heap: list[tuple[float, int]]) -> None:
+    def _call_woken(self, drives: Sequence[RobotDrive], following: dict[int, float]) -> None:
         """
         Schedule each drive that was passed to ``wake``, so that the loop calls it next.
 
         :param following: the time of the next call of each drive, by its index; changed in place
-        :param heap: the scheduled calls as time and index, the earliest first; changed in place
         """
         while self._woken:
             drive = self._woken.popleft()
             for number in following:
                 if drives[number] is drive:
                     following[number] = 0.0
-                    heapq.heappush(heap, (0.0, number))
 
 
 #: Python's largest threshold for the garbage collector: with it no full collection ever starts.

@@ -14,12 +14,13 @@
 """
 The node's interface to the guardian: one process for all robots of a ROS context.
 
-Node and guardian share memory, in which each robot has a slot.
+Node and guardian share memory, in which each robot has a slot, and each thread that drives has a
+heartbeat.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 import contextlib
 import json
 import os
@@ -75,14 +76,57 @@ class NullGuardian:
         """Return an empty set, because there is no guardian that searches for publishers."""
         return set()
 
-    def heartbeat(self) -> None:
+    def follow(self, _: dict[GuardianProcess, Heartbeat]) -> None:
         """Do nothing, because there is no guardian: no separate process checks heartbeats."""
 
-    report_stopping = report_stopped = heartbeat
+    def check(self) -> None:
+        """Do nothing, because there is no guardian that could have ended."""
+
+    report_stopping = report_stopped = check
 
     def leave(self, _: Moment) -> Steps[None]:
         """Do nothing, because there is no guardian that sends to the robot."""
         yield from ()
+
+
+class Heartbeat:
+    """
+    The heartbeat of a thread that drives, for the robots of one guardian process.
+
+    :param number: that of the thread in the shared memory
+    """
+
+    def __init__(self, memory: GuardianMemory, number: int) -> None:
+        self.number = number
+        self._memory = memory
+        self._watch = GuardianWatch()
+        #: whether the guardian has checked no heartbeat for GUARDIAN_TIMEOUT
+        self.is_guardian_frozen = False
+        # Before a slot refers to it: the thread that had this number may have ended long ago.
+        self.write(boottime())
+
+    def write(self, now: float) -> None:
+        """Report that the thread still works; ``now`` is in s since boot."""
+        self.is_guardian_frozen = self._watch.is_frozen(now, self._memory.check_count)
+        self._memory.write_heartbeat(self.number, now)
+
+
+def begin_heartbeat(guardians: Iterable[Guardian | NullGuardian]) -> Callable[[], None]:
+    """
+    Let one heartbeat count for all robots of a thread, from now on.
+
+    :returns: writes the heartbeat; only this thread may call it
+    """
+    heartbeats: dict[GuardianProcess, Heartbeat] = {}
+    for guardian in guardians:
+        guardian.follow(heartbeats)
+
+    def write() -> None:
+        now = boottime()
+        for heartbeat in heartbeats.values():
+            heartbeat.write(now)
+
+    return write
 
 
 class Guardian:
@@ -102,7 +146,8 @@ class Guardian:
         self.number = number
         #: how long the guardian may take to leave the robot, with a complete stop before [s]
         self.leave_timeout = command_timeout + STOP_MARGIN + GUARDIAN_EXIT_TIMEOUT
-        self._watch = GuardianWatch()
+        #: that of the thread of the newest drive; None before the first
+        self._heartbeat: Heartbeat | None = None
         #: whether the newest message was a heartbeat, so that the guardian now reads heartbeats
         #: from the memory
         self.is_watching = False
@@ -151,18 +196,28 @@ class Guardian:
         """
         self._process.send(self, GuardianMessage.PRIME)
 
-    def heartbeat(self) -> None:
+    def follow(self, heartbeats: dict[GuardianProcess, Heartbeat]) -> None:
         """
-        Report that the thread which sends velocities still works.
+        Let the heartbeat of a thread count for this robot, and no other one any more.
+
+        :param heartbeats: those of the thread, by guardian process; a missing one is added
+        """
+        if self._process not in heartbeats:
+            heartbeats[self._process] = self._process.add_heartbeat()
+        heartbeat = heartbeats[self._process]
+        self._slot.thread, self._heartbeat = heartbeat.number, heartbeat
+
+    def check(self) -> None:
+        """
+        Check that the guardian works; the first check of a drive makes it watch the robot.
 
         :raises RunFaultError: if the guardian has ended or is frozen
         """
-        now = boottime()
-        if self._watch.is_frozen(now, self._process.memory.check_count):
+        assert self._heartbeat is not None
+        if self._heartbeat.is_guardian_frozen:
             raise RunFaultError(
                 f'the guardian has not answered for {GUARDIAN_TIMEOUT:g} s: it was held up, '
                 f'{HELD_UP_ADVICE}')
-        self._slot.heartbeat = now
         # The first heartbeat wakes the guardian.  If it has ended, the message fails.
         if not self.is_watching or self._process.has_ended:
             self._process.send(self, GuardianMessage.HEARTBEAT)
@@ -214,7 +269,6 @@ class Guardian:
             self.has_left.set()
 
     def _report(self, message: GuardianMessage) -> None:
-        self._watch.reset()
         with contextlib.suppress(RunFaultError):
             self._process.send(self, message)
 
@@ -241,7 +295,8 @@ class GuardianProcess:
         #: whether the process has ended
         self.has_ended = False
         self._guardians: dict[int, Guardian] = {}
-        self._number = 0
+        #: the newest numbers of a slot and of a thread
+        self._number = self._thread = 0
         self._adding, self._writing = threading.Lock(), threading.Lock()
         with tempfile.TemporaryFile() as file:
             file.truncate(GuardianMemory.SIZE)
@@ -279,10 +334,8 @@ class GuardianProcess:
                 raise UsageError(
                     f'a guardian stops at most {GuardianMemory.MAX_ROBOTS} robots: drive the '
                     'others from another program')
-            # A slot is used again as late as possible: others may still read the old values.
-            while (number := self._number % GuardianMemory.MAX_ROBOTS + 1) in self._guardians:
-                self._number = number
-            self._number = number
+            self._number = number = _next_number(
+                self._number, GuardianMemory.MAX_ROBOTS, self._guardians)
             slot = self.memory.slot(number)
             slot.clear()
             guardian = self._guardians[number] = Guardian(self, number, slot, command_timeout)
@@ -293,6 +346,14 @@ class GuardianProcess:
                 del self._guardians[number]
                 return None
             return guardian
+
+    def add_heartbeat(self) -> Heartbeat:
+        """Make the heartbeat of a thread that drives; no slot refers to its number yet."""
+        with self._writing:  # never held for long
+            self._thread = _next_number(
+                self._thread, GuardianMemory.MAX_THREADS,
+                {self.memory.slot(number).thread for number in [*self._guardians]})
+            return Heartbeat(self.memory, self._thread)
 
     def remove(self, guardian: Guardian, moment: Moment) -> Steps[None]:
         """
@@ -384,3 +445,11 @@ class GuardianProcess:
         # A new lock: if another thread held the old one at the fork, it stays locked in the child.
         self._writing = threading.Lock()
         self._close()
+
+
+def _next_number(number: int, largest: int, used: Container[int]) -> int:
+    """Return the next number that is not used: each as late as possible after its last use."""
+    # Others may still read the old values, or write them.
+    while (number := number % largest + 1) in used:
+        pass
+    return number

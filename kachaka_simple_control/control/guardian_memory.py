@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The memory that a node shares with its guardian: latch, heartbeat and flags of each robot.
+The memory that a node shares with its guardian: a slot for each robot, heartbeats of threads.
 
 Tested by test/control/test_guardian_process.py.
 """
@@ -103,7 +103,7 @@ class RobotSlot:
     :ivar sending: set while the node waits in a call to DDS
     """
 
-    #: size in memory [bytes]: the time of the heartbeat, the latch and the flag, rounded up
+    #: size in memory [bytes]: the number of the thread, the latch and the flag, rounded up
     SIZE = 32
 
     def __init__(self, memory: memoryview) -> None:
@@ -112,14 +112,14 @@ class RobotSlot:
         self.sending = SharedFlag(memory[8 + Latch.SIZE:])
 
     @property
-    def heartbeat(self) -> float:
-        """Return the time of the newest heartbeat [s since boot]."""
-        time, = struct.unpack_from('d', self._memory)
-        return float(time)
+    def thread(self) -> int:
+        """Return the number of the thread whose heartbeat counts; 0 before the first drive."""
+        number, = struct.unpack_from('H', self._memory)
+        return int(number)
 
-    @heartbeat.setter
-    def heartbeat(self, time: float) -> None:
-        struct.pack_into('d', self._memory, 0, time)
+    @thread.setter
+    def thread(self, number: int) -> None:
+        struct.pack_into('H', self._memory, 0, number)
 
     def detach(self) -> None:
         """Go on with a copy of the slot, so that the shared memory can be freed."""
@@ -134,7 +134,10 @@ class RobotSlot:
 
 class GuardianMemory:
     """
-    The memory that a node shares with its guardian; each robot has a slot in it.
+    The memory that a node shares with its guardian.
+
+    Each robot has a slot in it, and each thread that drives has a heartbeat, to which the slots of
+    its robots refer.
 
     :param file: the descriptor of a file of ``GuardianMemory.SIZE`` bytes
     """
@@ -142,8 +145,12 @@ class GuardianMemory:
     #: the largest number of robots; they use the slots 1 to MAX_ROBOTS, and slot 0 holds the
     #: values of the guardian itself
     MAX_ROBOTS = 255
+    #: the largest number of a thread; they begin at 1, and there is always one to which no slot
+    #: refers
+    MAX_THREADS = 2 * MAX_ROBOTS
+    _HEARTBEATS = (1 + MAX_ROBOTS) * RobotSlot.SIZE
     #: size in memory [bytes]
-    SIZE = (1 + MAX_ROBOTS) * RobotSlot.SIZE
+    SIZE = _HEARTBEATS + (1 + MAX_THREADS) * 8
 
     def __init__(self, file: int) -> None:
         self._memory = memoryview(mmap.mmap(file, self.SIZE))
@@ -165,3 +172,12 @@ class GuardianMemory:
         """Return a slot, from 1 to ``MAX_ROBOTS``."""
         start = number * RobotSlot.SIZE
         return RobotSlot(self._memory[start:start + RobotSlot.SIZE])
+
+    def heartbeat(self, thread: int) -> float:
+        """Return when a thread, by its number, has written its newest heartbeat [s since boot]."""
+        time, = struct.unpack_from('d', self._memory, self._HEARTBEATS + 8 * thread)
+        return float(time)
+
+    def write_heartbeat(self, thread: int, time: float) -> None:
+        """Write the heartbeat of a thread, given by its number [s since boot]."""
+        struct.pack_into('d', self._memory, self._HEARTBEATS + 8 * thread, time)

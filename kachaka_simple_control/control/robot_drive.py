@@ -102,7 +102,7 @@ class RobotDrive:
     again. Any thread may use ``end``, ``progress`` and ``on_stop``. Here alone the state of the
     robot's drive changes, and each change is published as an event.
 
-    :param monitor: sends heartbeats, corrects velocities, and raises the faults that end the run
+    :param monitor: corrects velocities, and raises the faults that end the run
     """
 
     def __init__(
@@ -173,10 +173,12 @@ class RobotDrive:
         self._progress = replace(self._progress, start=start)
         return self._run
 
-    def step(self, now: float) -> float | None:
+    def step(self, now: float, woken: float | None = None) -> float | None:
         """
         Check for faults, and send a velocity if one is due.
 
+        :param woken: when the thread has woken up [s]: from then on the time to the next check is
+            measured, so that the next checks of all its robots need one wake-up; None: now
         :returns: when this must be called again at the latest [s]; None at the end of the run: one
             zero velocity was sent, and the caller sends more until the command timeout has passed
         :raises ControlError: if another thread ended the run, or if the run cannot continue
@@ -185,8 +187,9 @@ class RobotDrive:
         assert source is not None
         gate.check(run)
         # Above 80 Hz not each velocity needs a check: it takes as long as a third of a velocity.
-        if now - self._checked >= CHECK_PERIOD / 2.0:
-            self._checked = now
+        woken = now if woken is None else woken
+        if woken - self._checked >= CHECK_PERIOD / 2.0:
+            self._checked = woken
             self.monitor.check(now)
         if now < run.began + self._due and not self._has_source_changed:
             return min(run.began + self._due, self._checked + CHECK_PERIOD)

@@ -173,7 +173,7 @@ class RunTimeouts(Protocol):
 
 class RunMonitor:
     """
-    Checks for faults during a run, sends heartbeats and renews manual control.
+    Checks for faults during a run, and renews manual control.
 
     The thread that drives calls it after each message, and at least every CHECK_PERIOD.  Each call
     is short, and raises an error if a fault must end the run.
@@ -285,11 +285,13 @@ class RunMonitor:
 
     def check(self, now: float) -> None:
         """
-        Send a heartbeat, check for faults, renew manual control, and end a hold that is over.
+        Check for faults, renew manual control, and end a hold that is over.
+
+        The first check of a run makes the guardian watch the robot.
 
         :raises RunFaultError: if the drive must end
         """
-        self._guardian.heartbeat()
+        self._guardian.check()
         held_up, self._checked = now - self._checked, now
         if self._lease is not None:
             self._lease.poll(now)

@@ -15,8 +15,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from enum import Enum
+from typing import Protocol
 
+from kachaka_simple_control.control.guardian_memory import GuardianMemory, RobotSlot
 from kachaka_simple_control.control.timing import (
     CHECK_PERIOD,
     FIRST_CHECK_DELAY,
@@ -86,10 +89,15 @@ class Watchdog:
         elif message == GuardianMessage.STOPPED:
             self._must_stop, self._counted = False, None
 
+    @property
+    def expects_heartbeat(self) -> bool:
+        """Whether the robot is driven now, so that its thread has to write heartbeats."""
+        return self._counted is not None and self.allowed == self._heartbeat_timeout
+
     def on_heartbeat(self, written: float, now: float) -> None:
         """Process a heartbeat, the time when the node wrote it [s]; no effect outside a drive."""
-        is_due = self._counted is not None and self.allowed == self._heartbeat_timeout
-        if self._counted is not None and is_due and written != self._heartbeat:
+        if (self._counted is not None and self.expects_heartbeat
+                and written != self._heartbeat):
             self._heartbeat = written
             # A value that was read while it was written may be any number, or NaN.
             self._counted = min(max(self._counted, written), now)
@@ -137,20 +145,48 @@ class Watchdog:
         return max(FIRST_CHECK_DELAY - self._silent - self._publishing, WATCHDOG_PERIOD)
 
 
+class GuardedSlot(Protocol):
+    """A robot that the guardian stops."""
+
+    slot: RobotSlot
+    watchdog: Watchdog
+
+
+def silent_robots(
+        robots: Mapping[int, GuardedSlot], memory: GuardianMemory, now: float,
+        is_node_frozen: Callable[[], bool]) -> list[int]:
+    """
+    Return the numbers of the robots to stop because the threads that drive them are silent.
+
+    :param is_node_frozen: whether a signal has stopped the node: then it waits for no DDS call,
+        although its flag may be set
+    """
+    sending = {number for number, robot in robots.items() if robot.slot.sending.is_set}
+    if sending and is_node_frozen():
+        sending = set()
+    # A thread that waits in a DDS call for one of its robots has no heartbeat for the others.
+    threads = {robots[number].slot.thread for number in sending
+               if robots[number].watchdog.expects_heartbeat}
+    silent = []
+    for number, robot in robots.items():
+        watchdog, thread = robot.watchdog, robot.slot.thread
+        watchdog.on_heartbeat(memory.heartbeat(thread), now)
+        is_publishing = number in sending or (watchdog.expects_heartbeat and thread in threads)
+        if watchdog.has_timed_out(now, is_publishing):
+            silent.append(number)
+    return silent
+
+
 class GuardianWatch:
     """
-    Detects, in the node, that its guardian is frozen and no longer checks heartbeats.
+    Detects, in a thread that drives, that the guardian is frozen and checks no heartbeats.
 
-    The time in which the node itself could not run does not count.
+    The time in which the thread itself could not run does not count.
     """
 
     def __init__(self) -> None:
         self._count: int | None = None
         self._checked = self._silent = 0.0
-
-    def reset(self) -> None:
-        """Begin to measure anew; for the end of a drive, after which no heartbeats are sent."""
-        self._count = None
 
     def is_frozen(self, now: float, count: int) -> bool:
         """

@@ -26,6 +26,7 @@ from functools import partial
 import time
 
 from kachaka_simple_control.control.drive_loop import DriveLoop, old_objects_frozen
+from kachaka_simple_control.control.guardian import begin_heartbeat
 from kachaka_simple_control.control.preparation import complete, Moment, Steps
 from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.tick_scheduler import VelocitySource
@@ -63,8 +64,9 @@ class Drive:
     def __init__(self, tasks: Sequence[RobotTask], goes_on: bool = False) -> None:
         self._tasks, self._goes_on = tasks, goes_on
         self._robots = {task.robot.drive: task.robot for task in tasks}
-        self._loop = DriveLoop()
         self._failed: dict[Robot, Exception] = {}
+        #: the robots that have ended their plans before the others
+        self._ended: set[Robot] = set()
         self._frozen = contextlib.ExitStack()
 
     def __enter__(self) -> Callable[[], None]:
@@ -76,6 +78,8 @@ class Drive:
         try:
             complete([partial(_prepare, task) for task in self._tasks], self._check)
             self._frozen.enter_context(old_objects_frozen())
+            self._loop = DriveLoop(
+                beat=begin_heartbeat(task.robot.guardian for task in self._tasks))
             port_time = PortTime()
             for task in self._tasks:
                 gate = task.robot.gate
@@ -85,7 +89,8 @@ class Drive:
             for task in self._tasks:
                 task.robot.begin(task.source, t0, task.period, task.corrected)
             return partial(
-                self._loop.run, [*self._robots], self._go_on if self._goes_on else None)
+                self._loop.run, [*self._robots], self._go_on if self._goes_on else None,
+                self._on_end)
         except BaseException as error:
             self._frozen.close()
             self._stop(error)
@@ -128,9 +133,17 @@ class Drive:
 
     def _stop(self, error: BaseException) -> None:
         """Stop the robots after an error, also KeyboardInterrupt; raise that of a guardian."""
-        ended = _end_early([task.robot for task in self._tasks], error)
-        if ended is not error:
-            raise ended from error
+        raised = _end_early(
+            [task.robot for task in self._tasks if task.robot not in self._ended], error)
+        for robot in self._ended:
+            robot.finish()
+        if raised is not error:
+            raise raised from error
+
+    def _on_end(self, drive: RobotDrive) -> None:
+        robot = self._robots[drive]
+        self._ended.add(robot)
+        robot.end_before_others()
 
     def _go_on(self, drive: RobotDrive, error: Exception) -> None:
         robot = self._robots[drive]
@@ -155,8 +168,8 @@ def _complete(task: RobotTask, moment: Moment) -> Steps[None]:
 def _end_early(robots: Sequence[Robot], error: BaseException) -> BaseException:
     """Stop robots after an error; return the one to raise, or that of a guardian."""
     failures = stop_all(robots, control_error(error))
-    ended = [robot.end_early(error, failure) for robot, failure in zip(robots, failures)]
-    return next((one for one in ended if one is not error), error)
+    errors = [robot.end_early(error, failure) for robot, failure in zip(robots, failures)]
+    return next((one for one in errors if one is not error), error)
 
 
 def stop_all(robots: Sequence[Robot], reason: ControlError) -> list[str | None]:

@@ -45,7 +45,11 @@ from kachaka_simple_control.control.timing import (
     GUARDIAN_EXIT_TIMEOUT,
     POLL_PERIOD,
 )
-from kachaka_simple_control.control.watchdog import GuardianMessage, Watchdog
+from kachaka_simple_control.control.watchdog import (
+    GuardianMessage,
+    silent_robots,
+    Watchdog,
+)
 from kachaka_simple_control.errors import HELD_UP_ADVICE
 from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.ros.endpoints import own_participant, participants
@@ -342,17 +346,11 @@ class GuardianProgram:
         return self._robots[number].watchdog.on_disconnect()
 
     def _check_heartbeats(self, now: float) -> None:
-        silent = {}
-        for number, robot in self._robots.items():
-            robot.watchdog.on_heartbeat(robot.slot.heartbeat, now)
-            # If the node was frozen while it published, its flag is still set: it does not
-            # publish.
-            is_publishing = robot.slot.sending.is_set and not is_stopped(self._node_pid)
-            if robot.watchdog.has_timed_out(now, is_publishing):
-                silent[number] = (
-                    f'the node sent no heartbeat for {robot.watchdog.allowed:g} s: the program '
-                    f'was held up, {HELD_UP_ADVICE}')
-        self._stop(silent)
+        silent = silent_robots(
+            self._robots, self._memory, now, partial(is_stopped, self._node_pid))
+        self._stop({number: (
+            f'the node sent no heartbeat for {self._robots[number].watchdog.allowed:g} s: the '
+            f'program was held up, {HELD_UP_ADVICE}') for number in silent})
         self._memory.count_check()
 
     def _stop(self, reasons: dict[int, str]) -> None:

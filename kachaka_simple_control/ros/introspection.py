@@ -171,5 +171,5 @@ class _RobotTopics:
 
     def _handle(self, event: Event) -> None:
         if not self._robot.is_closed:
-            for handler in self._on_event[type(event)]:
+            for handler in self._on_event.get(type(event), ()):
                 handler(event)

@@ -193,6 +193,12 @@ class Robot:
         assert run is not None
         yield from self.stopper.complete(moment, run, self.drive.progress.plan, within=period)
 
+    def end_before_others(self) -> None:
+        """Let another thread stop this robot, which has ended its plan before the others."""
+        assert self.gate.run is not None
+        self.guardian.report_stopping()
+        self.stopper.begin_elsewhere(self.gate.run, self.drive.progress.plan)
+
     def stop_later(self) -> None:
         """Let another thread stop this robot, whose drive has ended while others go on."""
         assert self.gate.run is not None

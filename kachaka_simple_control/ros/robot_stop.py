@@ -58,6 +58,8 @@ class RobotStop(StopController):
         self.on_stopped, self.on_failure = self._judge.on_stopped, self.log_once
         #: the run whose stop was logged last; this object before the first stop
         self._logged_stop_of: object = self
+        #: the newest run that was driven to the end of its plan
+        self._ended: Run | None = None
         self._logging = threading.Lock()
         self._has_reported = False
 
@@ -73,15 +75,24 @@ class RobotStop(StopController):
         :param within: how long to wait for another drive [s]; 0 if an end off the plan is a fault
         :raises RunFaultError: if the robot does not rest where it should, and that is a fault
         """
-        if plan is not None:
-            self.end.on_complete(plan.pose)
+        self._on_end(run, plan)
         if plan is None or not self._judge.is_strict:
             self._hub.late_stops.schedule(self, run, within)
             return
-        self._judge.problem = UNSEEN
         failure = yield from self.steps(moment, None, only=run)
         if failure := failure or self._judge.problem:
             raise errors.RunFaultError(failure)
+
+    def begin_elsewhere(self, run: Run, plan: Plan | None) -> None:
+        """Stop the robot in another thread, at the end of its plan; ``complete`` follows later."""
+        self._on_end(run, plan)
+        self._hub.late_stops.schedule(self, run, within=0.0)
+
+    def _on_end(self, run: Run, plan: Plan | None) -> None:
+        if plan is not None and self._ended is not run:
+            self._ended = run
+            self._judge.problem = UNSEEN
+            self.end.on_complete(plan.pose)
 
     def report(self, failure: str | None, was_stopped: bool) -> str:
         """

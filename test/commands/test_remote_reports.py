@@ -71,19 +71,18 @@ class Beside:
         clock = SimpleNamespace(monotonic=self.time.clock, sleep=self.time.sleep)
         for module in (remote_commands, remote_reports):
             monkeypatch.setattr(module, 'time', clock)
-        self.progress, self.states, self.looks = RunProgress(), [], []
+        self.progress, self.written, self.looks = RunProgress(), [], []
         robot = SimpleNamespace(odometry=StandstillDetector(), pose=None)
         writer = SimpleNamespace(
-            velocity=ZERO, on_event=lambda event: None, write=self.states.append)
+            velocity=ZERO, on_event=lambda event: None, write=self.written.append)
         self.commands = RemoteCommands(SimpleNamespace(
             robot=robot, commander=self, profile=SimpleNamespace(is_kachaka=False)), 0, writer)
         self.commands._has_changed = self
         self.began, self.time.on_sleep = self.time.now, self.go_on
 
-    @property
-    def state(self):
-        """Return the progress."""
-        return self.progress
+    def states(self):
+        """Return the progress of the only robot."""
+        return [self.progress]
 
     def run(self, until):
         """Write reports; return when it looked for something to write [s]."""
@@ -123,7 +122,7 @@ def test_at_rest_it_looks_for_something_to_report_once_a_second(monkeypatch):
     beside = Beside(monkeypatch, {})
     looks = beside.run(until=20.0)
     assert len(looks) <= 22
-    assert len(beside.states) >= 20, 'its reader does not see that it is there'
+    assert len(beside.written) >= 20, 'its reader does not see that it is there'
 
 
 def test_a_change_is_reported_at_once_and_figures_often(monkeypatch):
@@ -136,4 +135,4 @@ def test_a_change_is_reported_at_once_and_figures_often(monkeypatch):
         assert any(change <= look <= change + 0.12 for look in looks)
     assert 35 <= sum(3.3 <= look <= 5.3 for look in looks) <= 42
     assert sum(look > 5.4 for look in looks) <= 7
-    assert 'driving' in {state.state for state in beside.states}
+    assert 'driving' in {state.state for state in beside.written}

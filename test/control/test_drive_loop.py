@@ -16,23 +16,29 @@
 from __future__ import annotations
 
 from collections import defaultdict
+import contextlib
 import itertools
+import math
 import os
+import tempfile
 import threading
 import time
+from types import SimpleNamespace
 
 from fake_time import FakeTime
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.control.drive_loop import DriveLoop, Sleeper
 from kachaka_simple_control.control.events import MotionStarted, VelocityKind, VelocitySent
-from kachaka_simple_control.control.guardian_memory import Latch
+from kachaka_simple_control.control.guardian_memory import GuardianMemory, Latch
 from kachaka_simple_control.control.hand_source import HandSource
 from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
+from kachaka_simple_control.control.timing import CHECK_PERIOD, HEARTBEAT_TIMEOUT, PUBLISH_TIMEOUT
 from kachaka_simple_control.control.velocity_gate import PortTime, VelocityGate
-from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
+from kachaka_simple_control.control.watchdog import GuardianMessage, silent_robots, Watchdog
+from kachaka_simple_control.errors import ControlError, MotionRefusedError, RunFaultError
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
@@ -63,10 +69,12 @@ class QuietMonitor:
 class Fleet:
     """Robots whose ports record, on one loop."""
 
-    def __init__(self, count, clock=time.monotonic, sleep=None, command_timeout=0.6):
+    def __init__(
+            self, count, clock=time.monotonic, sleep=None, command_timeout=0.6,
+            beat=lambda: None):
         """Make the robots."""
         self.clock = clock
-        self.loop = DriveLoop(clock, sleep)
+        self.loop = DriveLoop(clock, sleep, beat)
         self.sent = defaultdict(list)
         self.drives = []
         port_time = PortTime()
@@ -287,6 +295,130 @@ def test_a_wanted_velocity_ends_with_its_lease():
     assert {event.kind for event in sent} == {VelocityKind.HAND}
     assert {event.plan_time for event in sent} == {None}
     assert drive.progress.step == (0, 0)
+
+
+class HoldUp:
+    """What holds a thread up at some time: too much to do, a call to DDS, or no processor."""
+
+    def __init__(self, how='', at=math.inf, duration=0.0):
+        """Plan it [s]."""
+        self.how, self.at, self.left = how, at, duration
+
+    def __call__(self, how, fake, longest=math.inf):
+        """Let time pass, if it is time for it."""
+        if how == self.how and fake.now >= self.at:
+            passed = min(longest, self.left)
+            fake.now, self.left = fake.now + passed, self.left - passed
+
+
+class Guarded:
+    """Robots that threads drive, and their guardian, which sees what the threads have written."""
+
+    def __init__(self, file):
+        """Share memory."""
+        self.memory, self.robots = GuardianMemory(file.fileno()), {}
+        #: when something happens [s], whether it wakes the guardian, and what happens
+        self.events = []
+
+    def drive(self, thread, count, start, hold_up):
+        """Drive robots in a thread; return their numbers."""
+        fake, begun, busy = FakeTime(start), set(), hold_up.left / count
+        numbers = range(len(self.robots) + 1, len(self.robots) + 1 + count)
+        for number in numbers:
+            self.robots[number] = SimpleNamespace(
+                slot=self.memory.slot(number), watchdog=Watchdog())
+            self.robots[number].slot.thread = thread
+        sending = self.robots[numbers[-1]].slot.sending
+
+        def happens(what, *arguments, is_message=False):
+            self.events.append((fake.now, is_message, lambda: what(*arguments)))
+
+        def tell(number, message):
+            happens(self.robots[number].watchdog.on_message, message, fake.now, is_message=True)
+
+        def check(number):
+            if number not in begun:
+                begun.add(number)
+                tell(number, GuardianMessage.HEARTBEAT)
+            hold_up('busy', fake, busy)
+
+        def publish(index, velocity):
+            happens(sending.set)
+            hold_up('in DDS', fake)
+            happens(sending.clear)
+            transmit(index, velocity)
+
+        fleet = Fleet(count, fake.clock, fake.sleep, beat=lambda: happens(
+            self.memory.write_heartbeat, thread, fake.now))
+        transmit, fleet.transmit = fleet.transmit, publish
+        fake.on_sleep = lambda: hold_up('asleep', fake)
+        for number, drive in zip(numbers, fleet.drives):
+            drive.monitor.check = lambda _, number=number: check(number)
+        fleet.begin(fake.now)
+        # If it was held up for too long, the gate says so as well.
+        with contextlib.suppress(ControlError):
+            fleet.loop.run(fleet.drives)
+        for number in numbers:
+            tell(number, GuardianMessage.STOPPED)
+        return numbers
+
+    def guard(self):
+        """Guard; return when each robot is stopped, by its number."""
+        self.events.sort(key=lambda event: event[0])
+        stopped, now = {}, 0.0
+        while self.events:
+            timeouts = [robot.watchdog.timeout() for robot in self.robots.values()]
+            now = min(
+                [now + timeout for timeout in timeouts if timeout is not None]
+                + [time for time, is_message, _ in self.events if is_message][:1])
+            while self.events and self.events[0][0] <= now:
+                self.events.pop(0)[2]()
+            silent = silent_robots(self.robots, self.memory, now, lambda: False)
+            assert not stopped.keys() & silent
+            stopped.update(dict.fromkeys(silent, now))
+        return stopped
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 6), st.floats(0.0, 0.2)), min_size=1, max_size=4),
+    st.floats(0.001, 0.9), st.sampled_from([
+        ('asleep', 0.0, 0.07, False), ('asleep', 0.13, 3.0, True),
+        ('busy', 0.0, 0.07, False), ('busy', 0.13, 3.0, True),
+        ('in DDS', 0.0, 0.4, False), ('in DDS', 0.65, 3.0, True)]), st.floats(0.0, 1.0))
+def test_a_thread_that_is_held_up_stops_exactly_its_robots(threads, moment, hold_up, share):
+    """Whatever holds it up, once they are driven; DDS has time for all of them, not for one."""
+    how, least, longest, is_stopped = hold_up
+    with tempfile.TemporaryFile() as file:
+        file.truncate(GuardianMemory.SIZE)
+        guarded = Guarded(file)
+        for thread, (count, phase) in enumerate(threads[1:], 2):
+            guarded.drive(thread, count, 1000.0 + phase, HoldUp())
+        count, phase = threads[0]
+        at = 1000.0 + phase + moment
+        numbers = guarded.drive(1, count, 1000.0 + phase, HoldUp(
+            how, at, least + share * (longest - least)))
+        stopped = guarded.guard()
+    assert set(stopped) == (set(numbers) if is_stopped else set())
+    allowed = PUBLISH_TIMEOUT if how == 'in DDS' else HEARTBEAT_TIMEOUT
+    # The next velocity, or the next sleep, comes up to a period after the moment.
+    assert all(time - at <= 0.1 + allowed + CHECK_PERIOD for time in stopped.values())
+
+
+def test_robots_that_are_driven_together_are_checked_in_one_wake_up():
+    """Each velocity takes some time, in which the next checks must not drift apart."""
+    fake, sleeps = FakeTime(), []
+    fleet = Fleet(50, fake.clock, lambda left: (sleeps.append(left), fake.sleep(left)))
+    transmit = fleet.transmit
+
+    def publish(number, velocity):
+        transmit(number, velocity)
+        fake.now += 0.0001
+
+    fleet.transmit = publish
+    fleet.begin(fake.now)
+    fleet.loop.run(fleet.drives)
+    # A check that is due with a velocity may be a rounding error earlier.
+    assert len([left for left in sleeps if left > 1e-6]) <= 1.0 / CHECK_PERIOD
 
 
 @pytest.mark.real_time

@@ -80,8 +80,7 @@ class Robot:
         self.time = FakeTime()
         self.wire = FakePublisher(self.time)
         self.guardian = NullGuardian()
-        self.guardian.heartbeats = []
-        self.guardian.heartbeat = lambda: self.guardian.heartbeats.append(self.time.now)
+        self.heartbeats = []
         self.events = []
         self.gate = VelocityGate(
             self.transmit, LIMITS, self.guardian.latch, self.guardian.sending, self.time.clock,
@@ -152,8 +151,9 @@ class Robot:
         self.drive.begin(TickScheduler(PLAN), start, PLAN.period)
         try:
             # As a thread that is woken: at most a check apart.
-            DriveLoop(self.time.clock, lambda left: self.time.sleep(min(left, 0.01))).run(
-                [self.drive])
+            DriveLoop(
+                self.time.clock, lambda left: self.time.sleep(min(left, 0.01)),
+                lambda: self.heartbeats.append(self.time.now)).run([self.drive])
         except ControlError as error:
             self.stopper.stop(error)
             self.drive.finish(self.time.now, str(error))
@@ -203,7 +203,7 @@ FAULTS = {
         RunFaultError, r'odometry has been silent for 1\.0 s'),
     'the program is held up': (stands, RunFaultError, 'nothing was sent for 5.* ms'),
     'the guardian is gone': (
-        lambda robot: setattr(robot.guardian, 'heartbeat', raising(RunFaultError('gone'))),
+        lambda robot: setattr(robot.guardian, 'check', raising(RunFaultError('gone'))),
         RunFaultError, 'gone'),
     'the guardian stops the robot': (
         lambda robot: robot.guardian.latch.trip(robot.time.now),
@@ -307,8 +307,7 @@ def test_without_a_fault_it_is_driven_to_its_end(happen, is_closed_loop):
     kinds = {event.kind for event in robot.events
              if isinstance(event, VelocitySent) and event.is_of_run}
     assert kinds == {VelocityKind.PLAN} | ({VelocityKind.CORRECTION} if is_closed_loop else set())
-    beats = robot.guardian.heartbeats
-    assert max(two - one for one, two in pairwise(beats)) <= CHECK_PERIOD + 0.011
+    assert max(two - one for one, two in pairwise(robot.heartbeats)) <= CHECK_PERIOD + 0.011
 
 
 def test_a_robot_that_does_not_obey_gets_zeros_for_a_second_more():

@@ -13,14 +13,16 @@
 # limitations under the License.
 """The node's side of the guardian: a slot for each robot, and one process for all of them."""
 
+import math
 import os
 import sys
 import tempfile
 
-from kachaka_simple_control.control.guardian import GuardianProcess
+from kachaka_simple_control.control.guardian import begin_heartbeat, GuardianProcess
 from kachaka_simple_control.control.guardian_memory import GuardianMemory
 from kachaka_simple_control.control.preparation import complete
 from kachaka_simple_control.control.processes import boottime, is_running
+from kachaka_simple_control.control.timing import CHECK_PERIOD, GUARDIAN_TIMEOUT
 from kachaka_simple_control.control.watchdog import GuardianMessage
 from kachaka_simple_control.errors import RunFaultError
 import pytest
@@ -98,7 +100,8 @@ def test_each_robot_has_its_own_slot_and_answers(start, claim, seen):
     assert second.unmatched({b'\x0c', b'\x0e'}) == {b'\x0e'}
     first.latch.trip()
     first.sending.set()
-    first.heartbeat()
+    begin_heartbeat([first])
+    first.check()
     assert not second.latch.is_set
     assert not second.sending.is_set
     assert wait_until(lambda: seen() == ['2p', '1b'])
@@ -107,14 +110,17 @@ def test_each_robot_has_its_own_slot_and_answers(start, claim, seen):
 def test_a_heartbeat_is_a_message_once_and_then_in_memory(start, claim, seen):
     process = start()
     guardian = process.add(*ROBOT, claim)
-    slot = GuardianMemory(guardian.shared_memory[0]).slot(guardian.shared_memory[1])
+    memory = GuardianMemory(guardian.shared_memory[0])
+    slot = memory.slot(guardian.shared_memory[1])
+    beat = begin_heartbeat([guardian])
     for _ in range(3):
         before = boottime()
-        guardian.heartbeat()
-        assert before <= slot.heartbeat <= boottime()
+        beat()
+        guardian.check()
+        assert before <= memory.heartbeat(slot.thread) <= boottime()
     guardian.report_stopping()
     guardian.report_stopped()
-    guardian.heartbeat()
+    guardian.check()
     assert wait_until(lambda: seen() == ['1b', '1r', '1s', '1b'])
 
 
@@ -144,13 +150,14 @@ def test_nothing_is_sent_for_a_robot_after_it_was_released(start, claim, seen):
     """Its slot may belong to another robot by then, whose run must not be called stopped."""
     process = start()
     first, second = (process.add(*ROBOT, claim) for _ in range(2))
+    begin_heartbeat([first])
     complete([first.leave])
     process._number = 0
     third = process.add(*ROBOT, claim)
     assert third.number == first.number
     first.report_stopping()
     first.report_stopped()
-    for send in (first.prime, first.heartbeat):
+    for send in (first.prime, first.check):
         with pytest.raises(RunFaultError, match=r'the guardian is gone \(Bad file descriptor\)'):
             send()
     second.report_stopped()
@@ -163,7 +170,7 @@ def test_a_slot_is_used_again_as_late_as_possible_and_is_then_empty(start, claim
     process = start()
     first, kept = (process.add(*ROBOT, claim) for _ in range(2))
     first.latch.trip(1.0)
-    first.heartbeat()
+    begin_heartbeat([first])
     complete([first.leave])
     numbers = []
     for _ in range(GuardianMemory.MAX_ROBOTS - 2):
@@ -174,7 +181,7 @@ def test_a_slot_is_used_again_as_late_as_possible_and_is_then_empty(start, claim
     last = process.add(*ROBOT, claim)
     assert last.number == first.number
     assert not last.latch.is_set
-    assert last._slot.heartbeat == 0.0
+    assert last._slot.thread == 0
     assert kept.number == 2
 
 
@@ -183,20 +190,21 @@ def test_a_run_that_begins_while_the_run_before_is_reported_as_stopped_is_guarde
     """Its first heartbeat came before the report of another thread, and tells nothing then."""
     process = start()
     guardian = process.add(*ROBOT, claim)
-    guardian.heartbeat()
+    begin_heartbeat([guardian])
+    guardian.check()
     send = process.send
 
     def send_late(sender, message):
         if message is GuardianMessage.STOPPED:
             monkeypatch.setattr(process, 'send', send)
-            guardian.heartbeat()
-            guardian.heartbeat()
+            guardian.check()
+            guardian.check()
         send(sender, message)
 
     guardian.report_stopping()
     monkeypatch.setattr(process, 'send', send_late)
     guardian.report_stopped()
-    guardian.heartbeat()
+    guardian.check()
     assert wait_until(lambda: seen() == ['1b', '1r', '1b', '1s', '1b'])
 
 
@@ -220,7 +228,51 @@ def test_a_guardian_that_does_not_leave_a_robot_is_killed(start, claim):
     """Its publisher must be gone before the robot is released; it guards no other robot either."""
     process = start('import time; time.sleep(60)')
     first, second = (process.add(*ROBOT, claim) for _ in range(2))
+    begin_heartbeat([second])
     complete([first.leave])
     wait_until(lambda: process.has_ended)
     with pytest.raises(RunFaultError, match='the guardian is gone'):
-        second.heartbeat()
+        second.check()
+
+
+def test_a_guardian_that_is_frozen_ends_the_drives_of_all_its_robots(start, claim):
+    """It checks no heartbeats; the clock that counts here is that of the thread's heartbeats."""
+    process = start()
+    guardians = [process.add(*ROBOT, claim) for _ in range(2)]
+    begin_heartbeat(guardians)
+    now = boottime()
+    for check in range(1, 2 * math.ceil(GUARDIAN_TIMEOUT / CHECK_PERIOD)):
+        if check * CHECK_PERIOD <= GUARDIAN_TIMEOUT:
+            for guardian in guardians:
+                guardian.check()
+        guardians[0]._heartbeat.write(now + check * CHECK_PERIOD)
+    for guardian in guardians:
+        with pytest.raises(RunFaultError, match='the guardian has not answered for 0.5 s'):
+            guardian.check()
+
+
+def test_each_thread_has_a_heartbeat_in_each_guardian_process_that_no_other_robot_follows(
+        start, claim, monkeypatch):
+    """The robots of two ROS contexts may be driven by one thread, and then by others."""
+    monkeypatch.setattr(GuardianMemory, 'MAX_THREADS', 4)
+    first, second = start(), start()
+    one, two, three = (first.add(*ROBOT, claim) for _ in range(3))
+    other = second.add(*ROBOT, claim)
+
+    def newest(guardian):
+        return guardian._process.memory.heartbeat(guardian._slot.thread)
+
+    begin_heartbeat([three])
+    kept, begun = three._slot.thread, newest(three)
+    for _ in range(GuardianMemory.MAX_THREADS):
+        beat = begin_heartbeat([one, two, other])
+        before = boottime()
+        assert newest(one) < before
+        beat()
+        assert before <= newest(one) == newest(two) == newest(other)
+        begin_heartbeat([two])
+        assert len({guardian._slot.thread for guardian in (one, two, three)}) == 3
+        last = newest(two)
+        beat()
+        assert newest(one) == newest(other) > newest(two) == last
+    assert (three._slot.thread, newest(three)) == (kept, begun)
