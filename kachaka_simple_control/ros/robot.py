@@ -202,6 +202,8 @@ class Robot:
     def stop_later(self) -> None:
         """Let another thread stop this robot, whose drive has ended while others go on."""
         assert self.gate.run is not None
+        # Its thread, which drives others, goes on to write heartbeats.
+        self.guardian.report_stopping()
         self._hub.late_stops.schedule(self.stopper, self.gate.run, within=0.0)
 
     def finish(self) -> None:

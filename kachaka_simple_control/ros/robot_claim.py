@@ -85,11 +85,15 @@ class RobotClaim:
         """Return the descriptor of a socket; a process that inherits it keeps the claim."""
         return self._machine.fileno()
 
-    def take(self, moment: Moment) -> Steps[None]:
+    def take(
+            self, moment: Moment, is_alone: Callable[[], bool] = lambda: False) -> Steps[None]:
         """
         Claim the robot here and from other machines; wait until it is clear who has it.
 
         If this object has it already, only check the others.  Then call ``hold``, or ``withdraw``.
+
+        :param is_alone: whether a search has found that no other program drives the robot: then
+            there is nobody to wait for
 
         :raises RobotTakenError: if another program or node has it; the message says who
         """
@@ -103,7 +107,7 @@ class RobotClaim:
             raise self._taken(str(error)) from None
         if self._network is not None:
             blocker = yield from self._network.take(
-                f'{who} on {socket.gethostname()}, {since}', moment)
+                f'{who} on {socket.gethostname()}, {since}', moment, is_alone)
             if blocker is not None:
                 raise self._taken(blocker)
 
@@ -171,10 +175,12 @@ class _NetworkClaim:
         self._node = node
         _repeater.add(self)
 
-    def take(self, who: str, moment: Moment) -> Steps[str | None]:
+    def take(
+            self, who: str, moment: Moment, is_alone: Callable[[], bool]) -> Steps[str | None]:
         """
         Request the claim, and wait until it is clear who gets it.
 
+        :param is_alone: whether a search has found that no other program drives the robot
         :returns: None if this program gets it; otherwise a text about the one that does
         """
         if self._state == HELD:
@@ -184,8 +190,10 @@ class _NetworkClaim:
         asked = moment.now
 
         def is_decided() -> bool:
-            is_alone = self._node.count_publishers(self._publisher.topic_name) < 2
-            settled = asked if is_alone else asked + CLAIM_SETTLE_TIME
+            nobody_claims = self._node.count_publishers(self._publisher.topic_name) < 2
+            if nobody_claims and is_alone():
+                return True
+            settled = asked if nobody_claims else asked + CLAIM_SETTLE_TIME
             return self._blocker() is not None or moment.now >= max(
                 settled, self._joined + CLAIM_DISCOVERY_TIME)
 

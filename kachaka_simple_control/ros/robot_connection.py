@@ -116,7 +116,7 @@ class RobotConnection:
         timeout = self.parameters.robot_timeout
         yield from self.discovery.wait_for_robot(moment, timeout)
         # Take the claim before any message or request is sent.
-        yield from self.claim.take(moment)
+        yield from self.claim.take(moment, lambda: self.discovery.is_alone)
         try:
             if not self.parameters.allow_other_publishers:
                 yield from self.discovery.wait_for_publishers(moment)

@@ -104,6 +104,14 @@ class RobotDiscovery:
             moment, lambda: not self._guardian.unmatched(self._find_robot()), 'the guardian',
             DISCOVERY_TIMEOUT)
 
+    @property
+    def is_alone(self) -> bool:
+        """Whether the guardian's search has found the publisher of this node, and no other's."""
+        found = self._guardian.found_publishers(self._topic)
+        # That it has found this one shows that it works, and that it began after this node.
+        return (self._guardian.has_searched and self._graph.participant in found
+                and not self._found_others())
+
     def wait_for_publishers(self, moment: Moment) -> Steps[None]:
         """
         Wait until this node has discovered the publishers that the guardian's search has found.
@@ -112,15 +120,18 @@ class RobotDiscovery:
         program.  If a publisher has left meanwhile, the wait ends after DISCOVERY_TIMEOUT (3.5 s).
         """
         def has_discovered_all() -> bool:
-            own = {self._graph.participant, *self._guardian.participants}
-            return self._guardian.found_publishers(self._topic) - own <= _participants(
-                self._graph.publishers(self._topic))
+            return self._found_others() <= _participants(self._graph.publishers(self._topic))
 
         yield from until(
             moment, lambda: self._guardian.has_searched, 'the search for other programs',
             PUBLISHER_SEARCH_TIMEOUT)
         yield from until(
             moment, has_discovered_all, 'the publishers of other programs', DISCOVERY_TIMEOUT)
+
+    def _found_others(self) -> set[bytes]:
+        """Return the participants of other programs' publishers that the search has found."""
+        own = {self._graph.participant, *self._guardian.participants}
+        return self._guardian.found_publishers(self._topic) - own
 
     def has_changed(self) -> bool:
         """

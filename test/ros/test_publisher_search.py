@@ -118,6 +118,21 @@ class Search:
         return {b'participant!'} if topic == TOPIC else set()
 
 
+@pytest.mark.parametrize(('has_searched', 'found', 'is_alone'), [
+    (True, {'own'}, True), (True, {'own', 'other'}, False), (True, {'other'}, False),
+    (True, set(), False), (False, {'own'}, False)])
+def test_it_is_alone_if_the_search_has_found_its_publisher_and_no_other(
+        connection, monkeypatch, has_searched, found, is_alone):
+    """A search that does not find the publisher of its own node does not work, or came before."""
+    discovery = connection.discovery
+    participants = {'own': discovery._graph.participant, 'other': b'other'}
+    guardian = discovery._guardian
+    monkeypatch.setattr(guardian, 'has_searched', has_searched)
+    monkeypatch.setattr(
+        guardian, 'found_publishers', lambda _: {participants[name] for name in found})
+    assert discovery.is_alone is is_alone
+
+
 @contextlib.contextmanager
 def run_guardian(*command):
     """Run the guardian's program for one robot; yield its process and the interface to it."""
