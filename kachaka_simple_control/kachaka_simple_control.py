@@ -321,8 +321,8 @@ class KachakaSimpleControl(DriveNode):
         The text is empty, unless the drive was clearly longer than planned: by more than
         MAX_LATENESS plus the time between two velocity messages.
         """
-        assert self.robot.gate.run is not None
-        took = time.monotonic() - self.robot.gate.run.began
+        assert self.robot.gate.permit is not None
+        took = time.monotonic() - self.robot.gate.permit.began
         is_delayed = took > driven.duration + driven.period + MAX_LATENESS
         return f' planned, driven in {took:.3f}' if is_delayed else ''
 

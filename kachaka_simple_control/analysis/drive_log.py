@@ -252,7 +252,7 @@ class DriveLog:
     speed_changes: list[SpeedFactorChanged] = field(default_factory=list)
     session_ended: SessionEnded | None = None
     other_messages: list[VelocitySent] = field(default_factory=list)
-    #: the current motion; None before the first motion and in a run without a plan
+    #: the current motion; None before the first motion and in a drive without a plan
     _motion: MotionLog | None = field(default=None, init=False, repr=False)
 
     @property

@@ -140,7 +140,7 @@ def measure_squares(options: CalibrateOptions) -> None:
     Calibrate odometry with the UMBmark method (Borenstein and Feng, 1996); write the profile.
 
     :raises CalibrationError: if the drives give no valid calibration; no file is written
-    :raises UsageError: if the profile has no odometry calibration yet (first run
+    :raises UsageError: if the profile has no odometry calibration yet (first drive
         ``kachaka_calibrate floor``); the robot has not moved
     :raises ControlError: if a drive cannot start or is not completed; no file is written
     """

@@ -33,7 +33,7 @@ import time
 from kachaka_simple_control.commands.remote_reports import ReportWriter, state_of
 from kachaka_simple_control.console import protocol
 from kachaka_simple_control.control.events import Event, OdometryReceived
-from kachaka_simple_control.control.robot_drive import RunProgress, UNDER_WAY
+from kachaka_simple_control.control.robot_drive import DriveProgress, UNDER_WAY
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import REMOTE_REPORT_PERIOD, REMOTE_STATE_PERIOD
 from kachaka_simple_control.errors import (
@@ -193,10 +193,10 @@ class RemoteCommands:
     def _is_under_way(self) -> bool:
         return any(progress.state in UNDER_WAY for progress in self._commander.states())
 
-    def _write_more(self, progress: RunProgress) -> None:
+    def _write_more(self, progress: DriveProgress) -> None:
         """Write what is due besides the state."""
 
-    def _state(self, progress: RunProgress) -> protocol.State:
+    def _state(self, progress: DriveProgress) -> protocol.State:
         return state_of(
             self._robot, progress, self._writer.velocity,
             is_taken=progress.state in UNDER_WAY, is_by_hand=False, reason=progress.ended_by)

@@ -32,7 +32,7 @@ from kachaka_simple_control.console import protocol
 from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.events import DriveState
 from kachaka_simple_control.control.hand_source import HandSource
-from kachaka_simple_control.control.robot_drive import RunProgress
+from kachaka_simple_control.control.robot_drive import DriveProgress
 from kachaka_simple_control.control.timing import (
     HAND_PERIOD,
     REMOTE_REST_TIMEOUT,
@@ -292,7 +292,7 @@ class RemoteControl(RemoteCommands):
     def _is_under_way(self) -> bool:
         return self._hand is not None or super()._is_under_way()
 
-    def _write_more(self, progress: RunProgress) -> None:
+    def _write_more(self, progress: DriveProgress) -> None:
         """Write a stamp for the hand, and the answer to ``take`` when the robot is ready."""
         if (hand := self._hand) is not None:
             self._writer.write(protocol.Stamp(hand.stamp()))
@@ -301,7 +301,7 @@ class RemoteControl(RemoteCommands):
             number, self._take = self._take, None
             self._writer.write(protocol.Answer(number, True, 'ready'))
 
-    def _state(self, progress: RunProgress) -> protocol.State:
+    def _state(self, progress: DriveProgress) -> protocol.State:
         return state_of(
             self._robot, progress, self._writer.velocity, self._is_taken,
             is_by_hand=self._hand is not None, reason=self._reason)

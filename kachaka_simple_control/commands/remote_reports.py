@@ -27,7 +27,7 @@ from typing import Any, Literal
 
 from kachaka_simple_control.console import protocol
 from kachaka_simple_control.control.events import DriveState, Event, VelocityKind, VelocitySent
-from kachaka_simple_control.control.robot_drive import RunProgress, UNDER_WAY
+from kachaka_simple_control.control.robot_drive import DriveProgress, UNDER_WAY
 from kachaka_simple_control.control.speed_factor import product
 from kachaka_simple_control.control.timing import REMOTE_WRITE_TIMEOUT
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
@@ -117,7 +117,7 @@ class ReportWriter:
 
 
 def state_of(
-        robot: Robot, progress: RunProgress, velocity: Velocity, is_taken: bool,
+        robot: Robot, progress: DriveProgress, velocity: Velocity, is_taken: bool,
         is_by_hand: bool, reason: str | None) -> protocol.State:
     """
     Return the state of the drive for a report.

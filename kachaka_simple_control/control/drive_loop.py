@@ -170,7 +170,7 @@ NEVER = 2 ** 31 - 1
 
 _lock = threading.Lock()
 _runs = 0
-#: restores the settings of the collector when the last run ends
+#: restores the settings of the collector when the last drive ends
 _restore = contextlib.ExitStack()
 
 

@@ -25,7 +25,7 @@ from kachaka_simple_control.control.timing import (
     RESUME_QUIET_TIME,
     STOP_REQUEST_WINDOW,
 )
-from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
+from kachaka_simple_control.control.velocity_gate import Permit, VelocityGate
 from kachaka_simple_control.errors import ControlError, MotionRefusedError, MotionRunningError
 
 
@@ -41,7 +41,7 @@ class DriveRequest:
     :param is_over: whether the drive has ended, at its planned end or early
     """
 
-    runs: Mapping[VelocityGate, Run]
+    permits: Mapping[VelocityGate, Permit]
     thread: int = field(default_factory=threading.get_ident)
     ended: float | None = None
     stopped_by: ControlError | None = None
@@ -51,7 +51,7 @@ class DriveRequest:
     @property
     def cancelled_by(self) -> ControlError | None:
         """Why the drive of a robot was ended; None if none was."""
-        return next((run.ended_by for run in self.runs.values() if run.ended_by), None)
+        return next((permit.ended_by for permit in self.permits.values() if permit.ended_by), None)
 
 
 class DriveRequests:
@@ -85,8 +85,8 @@ class DriveRequests:
             request = DriveRequest({gate: gate.prepare() for gate in gates})
             before = [self._newest[gate] for gate in gates if gate in self._newest]
             self._newest.update(dict.fromkeys(gates, request))
-        # The order matters.  A stop at this moment finds either the new run or the previous
-        # request.  So check the previous requests only after the run was prepared.
+        # The order matters.  A stop at this moment finds either the new drive or the previous
+        # request.  So check the previous requests only after the drive was prepared.
         for previous in before:
             if previous.stopped_by is not None and self._continues(previous, request):
                 self.finish(request, is_complete=False)

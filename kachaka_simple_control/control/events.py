@@ -98,7 +98,7 @@ class MotionPlanned:
 @dataclass(frozen=True)
 class MotionStarted:
     """
-    A run begins; its first velocity follows this event.
+    A drive begins; its first velocity follows this event.
 
     :param time: t = 0, when the first velocity is due
     :param has_plan: whether the velocities are those of the newest ``MotionPlanned``; false if a
@@ -118,7 +118,7 @@ class VelocityKind(Enum):
     CORRECTION = 'correction'
     #: a velocity that a caller commands directly, without a plan
     HAND = 'hand'
-    #: a zero velocity before a run, so that the publisher and the robot's reader are matched
+    #: a zero velocity before a drive, so that the publisher and the robot's reader are matched
     PRIME = 'prime'
     #: a zero velocity of a stop
     STOP = 'stop'
@@ -126,7 +126,7 @@ class VelocityKind(Enum):
     GUARDIAN = 'guardian'
 
 
-#: The kinds of velocity that a run sends.
+#: The kinds of velocity that a drive sends.
 RUN_KINDS = frozenset({VelocityKind.PLAN, VelocityKind.CORRECTION, VelocityKind.HAND})
 
 
@@ -135,7 +135,7 @@ class VelocitySent:
     """
     A velocity message was published.
 
-    :param due: when it was due [s after t = 0]; None if it belongs to no run
+    :param due: when it was due [s after t = 0]; None if it belongs to no drive
     :param plan_time: the point in the plan to which it belongs [s]; None without a plan
     :param skipped: how many velocities directly before this one were not sent, being too late
     :param expected: with which the robot is expected to move, by its calibration; None if it is
@@ -157,7 +157,7 @@ class VelocitySent:
 
     @property
     def is_of_run(self) -> bool:
-        """Return whether it belongs to a run; false for zeros of a stop or before a run."""
+        """Return whether it belongs to a drive; false for zeros of a stop or before a drive."""
         return self.kind in RUN_KINDS
 
 

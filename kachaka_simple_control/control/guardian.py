@@ -394,7 +394,7 @@ class GuardianProcess:
         has_left = self._guardians.get(guardian.number) is not guardian
         try:
             with self._writing:
-                # Under the lock: the end of a run may be reported while the next run begins.
+                # Under the lock: the end of a drive may be reported while the next drive begins.
                 guardian.is_watching = message is GuardianMessage.HEARTBEAT
                 os.write(-1 if has_left else self._pipe, bytes([guardian.number]) + message.value)
         except OSError as error:

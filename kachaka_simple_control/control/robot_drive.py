@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 import math
 import threading
 
+from kachaka_simple_control.control.drive_monitor import DriveMonitor
 from kachaka_simple_control.control.events import (
     DriveState,
     MotionEnded,
@@ -28,11 +29,10 @@ from kachaka_simple_control.control.events import (
     StateChanged,
     VelocityKind,
 )
-from kachaka_simple_control.control.run_monitor import RunMonitor
 from kachaka_simple_control.control.speed_factor import is_hold, product, SpeedFactor
 from kachaka_simple_control.control.tick_scheduler import Tick, VelocitySource
 from kachaka_simple_control.control.timing import CHECK_PERIOD, max_gap
-from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
+from kachaka_simple_control.control.velocity_gate import Permit, VelocityGate
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.motion.geometry import compose, integrate, ORIGIN, Pose, ZERO
 from kachaka_simple_control.motion.plan import Plan
@@ -43,19 +43,19 @@ UNDER_WAY = frozenset({
 
 
 @dataclass(frozen=True)
-class RunProgress:
+class DriveProgress:
     """
-    The progress of the newest run at one moment.
+    The progress of the newest drive at one moment.
 
-    :param title: the name of the motion; empty before the first run
+    :param title: the name of the motion; empty before the first drive
     :param plan: None without a plan
-    :param began: t = 0 [s]; nan before the run began
+    :param began: t = 0 [s]; nan before the drive began
     :param plan_time: the point in the plan of the newest velocity [s]; None without a plan
     :param start: the pose at t = 0 by odometry; None if unknown
     :param way: the planned pose relative to ``start``
     :param factors: the speed factors below 1, by the name of their source
-    :param skipped: how many velocities in all runs were too late to be sent
-    :param ended_by: why the run ended early; None if it did not
+    :param skipped: how many velocities in all drives were too late to be sent
+    :param ended_by: why the drive ended early; None if it did not
     """
 
     title: str = ''
@@ -96,25 +96,25 @@ LATE = 0.25
 
 class RobotDrive:
     """
-    Drives one robot through a run, from the first velocity to the zero velocity at the end.
+    What one robot does in a drive, from the first velocity to the zero velocity at the end.
 
     It has no thread and reads no clock: ``step`` is told the time and says when it must be called
     again. Any thread may use ``end``, ``progress`` and ``on_stop``. Here alone the state of the
     robot's drive changes, and each change is published as an event.
 
-    :param monitor: corrects velocities, and raises the faults that end the run
+    :param monitor: corrects velocities, and raises the faults that end the drive
     """
 
     def __init__(
-            self, gate: VelocityGate, monitor: RunMonitor, speed_factor: SpeedFactor,
+            self, gate: VelocityGate, monitor: DriveMonitor, speed_factor: SpeedFactor,
             command_timeout: float) -> None:
         self.gate = gate
         self.monitor = monitor
         monitor.wait_for_dds = gate.wait_for_dds
         self.speed_factor = speed_factor
         self._command_timeout = command_timeout
-        self._progress = RunProgress()
-        self._run = Run()
+        self._progress = DriveProgress()
+        self._permit = Permit()
         self._source: VelocitySource | None = None
         self._period: float | None = None
         self._tick: Tick | None = None
@@ -129,9 +129,9 @@ class RobotDrive:
         self._has_source_changed = False
         self._state = self._state_before = DriveState.READY
         self._is_held = speed_factor.is_hold
-        #: the run that only zeros follow any more, and the one whose stop has ended
-        self._ending: Run | None = None
-        self._stopped: Run | None = None
+        #: the drive that only zeros follow any more, and the one whose stop has ended
+        self._ending: Permit | None = None
+        self._stopped: Permit | None = None
         # Reentrant: a reader of events may set a speed factor when it is asked what it wants.
         self._changing = threading.RLock()
         speed_factor.on_change = self._on_factors
@@ -145,7 +145,7 @@ class RobotDrive:
         before = self._progress
         self._tick, self._way = None, (ORIGIN, 0.0)
         self._state_before = DriveState.WAITING
-        self._progress = RunProgress(title, plan, late=before.late, skipped=before.skipped)
+        self._progress = DriveProgress(title, plan, late=before.late, skipped=before.skipped)
         self._update(now)
 
     def connect(self, now: float) -> None:
@@ -155,23 +155,23 @@ class RobotDrive:
 
     def begin(
             self, source: VelocitySource, t0: float, period: float | None = None,
-            run: Run | None = None, start: Pose | None = None) -> Run:
+            permit: Permit | None = None, start: Pose | None = None) -> Permit:
         """
-        Begin a run; from now on the caller has to call ``step``.
+        Begin a drive; from now on the caller has to call ``step``.
 
         :param t0: when the first velocity is due [s]
         :param period: the normal time between two velocities [s]; None if unknown
-        :param run: one that the gate's ``prepare`` has returned; None for a new one
+        :param permit: one that the gate's ``prepare`` has returned; None for a new one
         :param start: the pose by odometry; None if unknown
-        :raises ControlError: if the run was cancelled, or no velocity may be sent to the robot
+        :raises ControlError: if the drive was cancelled, or no velocity may be sent to the robot
         """
-        self._run = self.gate.begin(
-            max_gap(period, self._command_timeout), run, self._command_timeout, t0)
+        self._permit = self.gate.begin(
+            max_gap(period, self._command_timeout), permit, self._command_timeout, t0)
         self._source, self._period = source, period
         self._tick, self._due, self._way = None, 0.0, (ORIGIN, 0.0)
         self._checked, self._has_source_changed = -math.inf, False
         self._progress = replace(self._progress, start=start)
-        return self._run
+        return self._permit
 
     def step(self, now: float, woken: float | None = None) -> float | None:
         """
@@ -179,47 +179,48 @@ class RobotDrive:
 
         :param woken: when the thread has woken up [s]: from then on the time to the next check is
             measured, so that the next checks of all its robots need one wake-up; None: now
-        :returns: when this must be called again at the latest [s]; None at the end of the run: one
-            zero velocity was sent, and the caller sends more until the command timeout has passed
-        :raises ControlError: if another thread ended the run, or if the run cannot continue
+        :returns: when this must be called again at the latest [s]; None at the end of the drive:
+            one zero velocity was sent, and the caller sends more until the command timeout has
+            passed
+        :raises ControlError: if another thread ended the drive, or if the drive cannot continue
         """
-        run, source, gate = self._run, self._source, self.gate
+        permit, source, gate = self._permit, self._source, self.gate
         assert source is not None
-        gate.check(run)
+        gate.check(permit)
         # Above 80 Hz not each velocity needs a check: it takes as long as a third of a velocity.
         woken = now if woken is None else woken
         if woken - self._checked >= CHECK_PERIOD / 2.0:
             self._checked = woken
             self.monitor.check(now)
-        if now < run.began + self._due and not self._has_source_changed:
-            return min(run.began + self._due, self._checked + CHECK_PERIOD)
+        if now < permit.began + self._due and not self._has_source_changed:
+            return min(permit.began + self._due, self._checked + CHECK_PERIOD)
         # Clear the flag before the call of the source: a change during the call then counts for
         # the next step.
         is_early, self._has_source_changed = self._has_source_changed, False
         # The deadline has passed, even if the rounded time difference is slightly below it.
-        elapsed = now - run.began if is_early else max(now - run.began, self._due)
+        elapsed = now - permit.began if is_early else max(now - permit.began, self._due)
         tick = source.due(elapsed, self.monitor.speed_factor)
         if tick is None:
             self._count(gate.send(
-                run, ZERO, source.kind, self._due, source.plan_duration, source.skipped))
-            self._ending = run  # its stop follows, unless another run begins before
+                permit, ZERO, source.kind, self._due, source.plan_duration, source.skipped))
+            self._ending = permit  # its stop follows, unless another drive begins before
             self._update(now)
             return None
         velocity = self.monitor.correct(tick, now)
         kind = source.kind if velocity is tick.velocity else VelocityKind.CORRECTION
         if self._tick is None:
-            gate.publish(MotionStarted(run.began, tick.plan_time is not None))
-            self._progress = replace(self._progress, began=run.began)
+            gate.publish(MotionStarted(permit.began, tick.plan_time is not None))
+            self._progress = replace(self._progress, began=permit.began)
             self._update(now)
         elif tick.velocity is not self._tick.velocity:
             way, since = self._way
             self._way = integrate(way, self._tick.velocity, tick.start - since), tick.start
         self._tick, self._due = tick, tick.start
-        sent = gate.send(run, velocity, kind, tick.start, tick.plan_time, source.skipped)
+        sent = gate.send(permit, velocity, kind, tick.start, tick.plan_time, source.skipped)
         self._count(sent)
         self.monitor.on_sent(sent, tick.rest if velocity.is_zero else 0.0)
         self._due = tick.deadline
-        return min(run.began + tick.deadline, self._checked + CHECK_PERIOD)
+        return min(permit.began + tick.deadline, self._checked + CHECK_PERIOD)
 
     def on_source_changed(self) -> None:
         """Make ``step`` ask the source for its new velocity at once; for any thread."""
@@ -228,22 +229,22 @@ class RobotDrive:
 
     def end(self, reason: ControlError) -> bool:
         """
-        End the run early, and send one zero velocity at once; any thread may call this.
+        End the drive early, and send one zero velocity at once; any thread may call this.
 
         The thread that drives then raises ``reason``, and sends more zero velocities.
 
-        :returns: False if there was no run, or another call ended it before
+        :returns: False if there was no drive, or another call ended it before
         """
-        run = self.gate.cancel(reason)
-        is_ended = run is not None and run.ended_by is reason
+        permit = self.gate.cancel(reason)
+        is_ended = permit is not None and permit.ended_by is reason
         if is_ended:
-            self.gate.send_zero(after=run)
+            self.gate.send_zero(after=permit)
         return is_ended
 
-    def on_stop(self, now: float, run: Run | None, has_ended: bool) -> None:
-        """Record that the zeros of a run's stop begin, or that they have ended; for any thread."""
-        if run is self._run:
-            self._ending, self._stopped = run, run if has_ended else None
+    def on_stop(self, now: float, permit: Permit | None, has_ended: bool) -> None:
+        """Record that the zeros of a drive's stop begin, or have ended; for any thread."""
+        if permit is self._permit:
+            self._ending, self._stopped = permit, permit if has_ended else None
             self._update(now)
 
     def finish(self, now: float, reason: str | None = None, is_fault: bool = True) -> None:
@@ -264,8 +265,8 @@ class RobotDrive:
         return tick is None or tick.rest == math.inf
 
     @property
-    def progress(self) -> RunProgress:
-        """Return the progress of the newest run, such as its plan and its planned pose."""
+    def progress(self) -> DriveProgress:
+        """Return the progress of the newest drive, such as its plan and its planned pose."""
         tick = self._tick
         progress = replace(
             self._progress, factors=self.speed_factor.factors, state=self._state)
@@ -290,10 +291,10 @@ class RobotDrive:
                 self.gate.publish(StateChanged(now, state))
 
     def _due_state(self) -> DriveState:
-        progress, run = self._progress, self._run
+        progress, permit = self._progress, self._permit
         if math.isnan(progress.began) and not progress.is_over:
-            return self._state_before  # even if the stop of the run before is still sent
-        if self._ending is run and not (progress.is_over and self._stopped is run):
+            return self._state_before  # even if the stop of the drive before is still sent
+        if self._ending is permit and not (progress.is_over and self._stopped is permit):
             return DriveState.STOPPING
         if progress.is_over:
             return DriveState.STOPPED if progress.ended_by is None else DriveState.CUT_SHORT
@@ -301,7 +302,7 @@ class RobotDrive:
 
     def _count(self, sent: float) -> None:
         """Count late and skipped velocities."""
-        source, late = self._source, sent - self._run.began - self._due
+        source, late = self._source, sent - self._permit.began - self._due
         is_late = self._period is not None and late >= LATE * self._period
         if source is not None and (is_late or source.skipped):
             self._progress = replace(

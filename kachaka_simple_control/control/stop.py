@@ -40,7 +40,7 @@ from kachaka_simple_control.control.timing import (
     STOP_MARGIN,
     STOP_REPEAT_PERIOD,
 )
-from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
+from kachaka_simple_control.control.velocity_gate import Permit, VelocityGate
 from kachaka_simple_control.errors import ControlError
 
 
@@ -68,7 +68,7 @@ def stop_steps(
 
 class StopController:
     """
-    Sends one stop for each run, even if several threads request it; a new run ends a stop early.
+    Sends one stop for each drive, even if several threads request it; a new drive ends it early.
 
     :param guardian: gets a report before each zero velocity, and at the end of the stop
     :param more_time: how much longer the stop must continue at most [s], because odometry shows
@@ -93,23 +93,23 @@ class StopController:
         self._clock = clock
         self._sleep = sleep
         self._lock = threading.Lock()
-        self._stopped: Run | None = None
+        self._stopped: Permit | None = None
         #: when the newest stop began [s on the clock]; None before the first
         self.stop_started: float | None = None
         #: called with why a late stop has failed
         self.on_failure: Callable[[str], object] = lambda _: None
-        #: called with the time, the run and False when the zeros of its stop begin, and with True
-        #: when they have ended
-        self.on_stop: Callable[[float, Run | None, bool], object] = lambda *_: None
+        #: called with the time, the drive's permit and False when the zeros of its stop begin, and
+        #: with True when they have ended
+        self.on_stop: Callable[[float, Permit | None, bool], object] = lambda *_: None
         #: called at the end of each complete stop
         self.on_stopped: Callable[[], None] = lambda: None
 
     @property
     def is_stopped(self) -> bool:
         """Whether the newest drive was stopped completely; also True if no drive has begun yet."""
-        return self._stopped is self._gate.run
+        return self._stopped is self._gate.permit
 
-    def stop(self, reason: ControlError | None, only: Run | None = None) -> str | None:
+    def stop(self, reason: ControlError | None, only: Permit | None = None) -> str | None:
         """Go through the ``steps`` in the calling thread."""
         return complete(
             [partial(self.steps, reason=reason, only=only)], lambda: None, self._clock,
@@ -117,63 +117,63 @@ class StopController:
 
     def steps(
             self, moment: Moment, reason: ControlError | None,
-            only: Run | None = None) -> Steps[str | None]:
+            only: Permit | None = None) -> Steps[str | None]:
         """
-        Stop the newest run, and wait until all zero velocities of the stop were sent.
+        Stop the newest drive, and wait until all zero velocities of the stop were sent.
 
-        :param reason: ends the run, whose thread raises it; None if the run to stop has ended
+        :param reason: ends the drive, whose thread raises it; None if the drive to stop has ended
             already
-        :param only: the run to stop if ``reason`` is None; nothing is sent after a newer one has
+        :param only: the drive to stop if ``reason`` is None; nothing is sent after a newer one has
             begun
-        :returns: why the stop could not be sent; None if it was sent, or a newer run has begun
+        :returns: why the stop could not be sent; None if it was sent, or a newer drive has begun
         """
-        run = only
+        permit = only
         if reason is not None:
-            run = self._gate.cancel(reason)
-        elif self._gate.run is not only:
+            permit = self._gate.cancel(reason)
+        elif self._gate.permit is not only:
             return None
         while not self._lock.acquire(blocking=False):
             yield Wait('the stop that another thread sends', math.inf)
         try:
-            return None if self._stopped is run else (yield from self._send_all(moment, run))
+            return None if self._stopped is permit else (yield from self._send_all(moment, permit))
         finally:
             self._lock.release()
 
-    def _send_all(self, moment: Moment, run: Run | None) -> Steps[str | None]:
+    def _send_all(self, moment: Moment, permit: Permit | None) -> Steps[str | None]:
         self.stop_started = moment.now
-        self.on_stop(moment.now, run, False)
+        self.on_stop(moment.now, permit, False)
         try:
             try:
                 if not (yield from stop_steps(
-                        moment, partial(self._send_zero, run), self._command_timeout)):
+                        moment, partial(self._send_zero, permit), self._command_timeout)):
                     return None
-                is_still = yield from self._repeat_until_still(moment, run)
+                is_still = yield from self._repeat_until_still(moment, permit)
             except Exception as error:  # the context is gone: nothing can be published
                 return f'the stop could not be sent: {error}'
-            self._stopped = run
+            self._stopped = permit
             self._guardian.report_stopped()
             if is_still:
                 self._publish(StopConfirmed(self._clock()))
             self.on_stopped()
         finally:
-            self.on_stop(self._clock(), run, True)
+            self.on_stop(self._clock(), permit, True)
         return None
 
-    def _send_zero(self, run: Run | None) -> bool:
+    def _send_zero(self, permit: Permit | None) -> bool:
         # Report before the zero: if this process hangs before its last zero, the guardian must not
         # treat the stop as complete.
         self._guardian.report_stopping()
-        return self._gate.send_zero(run)
+        return self._gate.send_zero(permit)
 
-    def _repeat_until_still(self, moment: Moment, run: Run | None) -> Steps[bool]:
+    def _repeat_until_still(self, moment: Moment, permit: Permit | None) -> Steps[bool]:
         """
         Send more zeros until odometry shows no motion: the link may have lost the others.
 
-        :returns: False if the time has passed, or if a newer run has begun
+        :returns: False if the time has passed, or if a newer drive has begun
         """
         began = moment.now
         while (more_time := self._more_time()) > 0.0:
-            if moment.now >= began + more_time or not self._send_zero(run):
+            if moment.now >= began + more_time or not self._send_zero(permit):
                 return False
             yield from pause(moment, STOP_REPEAT_PERIOD, 'its rest')
         return True
@@ -188,17 +188,17 @@ class LateStops:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._due: dict[StopController, tuple[float, Run]] = {}
+        self._due: dict[StopController, tuple[float, Permit]] = {}
         self._changed = threading.Condition()
         self._is_closed = False
         # Started here: from Python 3.12 on, no thread can start when the program ends.
         self._thread = threading.Thread(target=self._run, name='late stops', daemon=True)
         self._thread.start()
 
-    def schedule(self, controller: StopController, run: Run, within: float) -> None:
-        """Stop a robot after a time [s], unless ``cancel`` is called, or another run begins."""
+    def schedule(self, controller: StopController, permit: Permit, within: float) -> None:
+        """Stop a robot after a time [s], unless ``cancel`` is called, or another drive begins."""
         with self._changed:
-            self._due[controller] = self._clock() + within, run
+            self._due[controller] = self._clock() + within, permit
             self._changed.notify()
 
     def cancel(self, controller: StopController) -> None:
@@ -226,9 +226,9 @@ class LateStops:
                 if self._is_closed:
                     break
                 for controller in [one for one, (at, _) in self._due.items() if at <= now]:
-                    _, run = self._due.pop(controller)
+                    _, permit = self._due.pop(controller)
                     under_way.append((controller, Preparation(partial(
-                        controller.steps, reason=None, only=run))))
+                        controller.steps, reason=None, only=permit))))
             waits = [(pair, wait) for pair in under_way
                      if (wait := pair[1].advance(self._clock())) is not None]
             for controller, stop in under_way:

@@ -27,7 +27,7 @@ package.  The command timeout and the duration of manual control depend on the r
 CHECK_PERIOD = 0.025
 #: How often a wait checks its condition if nothing can wake the waiting thread.  Chosen.
 POLL_PERIOD = 0.02
-#: If a velocity is sent later than one period plus this time after the previous one, the run ends.
+#: If a velocity is sent later than one period plus this time after the one before, the drive ends.
 #: Chosen: equal to HEARTBEAT_TIMEOUT, so that the node and the guardian have the same limit.
 MAX_LATENESS = 0.1
 #: Highest rate of velocities [Hz].  Chosen: no use for a higher rate is known.
@@ -68,14 +68,14 @@ SIGNAL_DEBOUNCE = 3.0
 
 # --- Guardian -----------------------------------------------------------------------------------
 
-#: If no heartbeat comes for this time in a run, the guardian stops the robot.  Chosen: four times
-#: CHECK_PERIOD.  The guardian sends the first zero velocity less than 0.15 s after SIGSTOP has
-#: frozen the node (measured: 0.102 s).
+#: If no heartbeat comes for this time in a drive, the guardian stops the robot.  Chosen: four
+#: times CHECK_PERIOD.  The guardian sends the first zero velocity less than 0.15 s after SIGSTOP
+#: has frozen the node (measured: 0.102 s).
 HEARTBEAT_TIMEOUT = 0.1
-#: How long the node may be silent after a run, from the zero velocity at its end to the last zero
-#: velocity of the stop.  Longer than HEARTBEAT_TIMEOUT, because the node waits up to 0.2 s for a
-#: next movement, and a DDS call may take PUBLISH_TIMEOUT.  The robot has already received a zero
-#: velocity.
+#: How long the node may be silent after a drive, from the zero velocity at its end to the last
+#: zero velocity of the stop.  Longer than HEARTBEAT_TIMEOUT, because the node waits up to 0.2 s
+#: for a next movement, and a DDS call may take PUBLISH_TIMEOUT.  The robot has already received a
+#: zero velocity.
 STOPPING_TIMEOUT = 1.0
 #: How long after a heartbeat the guardian checks for newer ones.  Chosen: two more heartbeats are
 #: due by then, so one wake-up of the guardian sees both.  If the check is late, the excess does
@@ -86,9 +86,9 @@ FIRST_CHECK_DELAY = 0.055
 #: not count.  Chosen.
 WATCHDOG_PERIOD = 0.02
 #: If the guardian has processed no heartbeat for this time while the node ran, it is frozen and
-#: the run ends.  Equal to PUBLISH_TIMEOUT: a DDS call of the guardian may also take this time.
+#: the drive ends.  Equal to PUBLISH_TIMEOUT: a DDS call of the guardian may also take this time.
 GUARDIAN_TIMEOUT = 0.5
-#: How long the guardian may take to publish a zero velocity on request before a run.  Chosen.
+#: How long the guardian may take to publish a zero velocity on request before a drive.  Chosen.
 GUARDIAN_PRIME_TIMEOUT = 1.0
 #: How long the guardian may take to end by itself before it is killed.  Chosen.
 GUARDIAN_EXIT_TIMEOUT = 1.0
@@ -151,7 +151,7 @@ REMOTE_WRITE_TIMEOUT = 0.05
 #: it.  Measured: two requests of one client up to 3 ms apart are served in either order.
 STOP_REQUEST_WINDOW = 0.05
 
-# --- Faults during a run ------------------------------------------------------------------------
+# --- Faults during a drive ----------------------------------------------------------------------
 
 #: How often to compare the numbers of publishers and subscribers on the topics of a robot; if one
 #: has changed, the identity is checked.  Measured: it takes less than 10 us.
@@ -163,14 +163,14 @@ GRAPH_CHECK_PERIOD = 1.0
 # --- Closed loop ---------------------------------------------------------------------------------
 
 #: If odometry is older than this, velocities are not corrected.  Chosen: ten samples of a Kachaka.
-#: The run itself ends after the parameter ``odometry_timeout``.
+#: The drive itself ends after the parameter ``odometry_timeout``.
 FEEDBACK_MAX_AGE = 0.2
-#: How long to wait for the first odometry message before a closed-loop run is refused.  Chosen.
+#: How long to wait for the first odometry message before a closed-loop drive is refused.  Chosen.
 FEEDBACK_START_TIMEOUT = 3.0
-#: A closed-loop run ends after this time without new odometry if ``odometry_timeout`` is 0.
+#: A closed-loop drive ends after this time without new odometry if ``odometry_timeout`` is 0.
 #: Chosen: the default of this parameter.
 FEEDBACK_TIMEOUT = 1.0
-#: If the robot is further from its planned pose than this [m], [rad], the run ends: wheels slip,
+#: If the robot is further from its planned pose than this [m], [rad], the drive ends: wheels slip,
 #: or something holds the robot.  Chosen: far more than a velocity error of 7 % causes.
 MAX_POSITION_ERROR = 0.2
 MAX_HEADING_ERROR = 0.785

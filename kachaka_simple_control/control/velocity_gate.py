@@ -50,9 +50,9 @@ class GateState(Enum):
     CLOSED = 'released'
 
 
-class Run:
+class Permit:
     """
-    One drive of a robot, from its request to its end; only the newest run may send velocities.
+    The right of a drive to send velocities to a robot; only the newest one has it.
 
     :param max_gap: the longest allowed time between two messages, without that spent in DDS [s]
     :param command_timeout: the same with it: the robot has then stopped by itself [s]
@@ -62,14 +62,14 @@ class Run:
             self, max_gap: float = math.inf, command_timeout: float = math.inf) -> None:
         self.max_gap = max_gap
         self.command_timeout = command_timeout
-        #: t = 0 of the run [s on the steady clock]; nan before the run begins
+        #: t = 0 of the drive [s on the steady clock]; nan before the drive begins
         self.began = math.nan
         #: when DDS had accepted the last message [s on the gate's ``gap_clock``]; None before the
         #: first
         self.last_sent: float | None = None
         #: the value of ``PortTime.total`` at that time [s]
         self.waited_before = 0.0
-        #: why the run was ended; None while it may send
+        #: why the drive was ended; None while it may send
         self.ended_by: ControlError | None = None
 
 
@@ -124,15 +124,15 @@ class VelocityGate:
         self._lock = threading.Lock()
         self._state = GateState.NOT_OPENED
         self._has_logged_guardian = False
-        self._run: Run | None = None
+        self._permit: Permit | None = None
         #: puts an event into a queue, and returns at once
         self.publish: Callable[[Event], None] = lambda _: None
         #: time of the driving thread in DDS calls; all gates of this thread share one object
         self.port_time = PortTime()
-        #: makes the thread that drives check at once whether its run was ended
+        #: makes the thread that drives check at once whether its drive was ended
         self.wake: Callable[[], None] = lambda: None
-        #: a run that was prepared and has not begun, for example because it waits for the robot
-        self._pending: Run | None = None
+        #: a drive that was prepared and has not begun, for example because it waits for the robot
+        self._pending: Permit | None = None
 
     @property
     def state(self) -> GateState:
@@ -140,9 +140,9 @@ class VelocityGate:
         return self._state
 
     @property
-    def run(self) -> Run | None:
-        """Return the run that has begun last, even if it is over; None if no run has begun."""
-        return self._run
+    def permit(self) -> Permit | None:
+        """Return the drive that has begun last, even if it is over; None if no drive has begun."""
+        return self._permit
 
     def open(self) -> None:  # noqa: A003
         """Allow to publish, now that the robot is taken; no effect after ``close``."""
@@ -155,55 +155,55 @@ class VelocityGate:
         with self._lock:
             self._state = GateState.CLOSED
 
-    def prepare(self) -> Run:
-        """Create a run that can send after ``begin``; ``cancel`` can end it from now on."""
-        run = Run()
+    def prepare(self) -> Permit:
+        """Create a drive that can send after ``begin``; ``cancel`` can end it from now on."""
+        permit = Permit()
         with self._lock:
-            self._pending = run
-        return run
+            self._pending = permit
+        return permit
 
     def begin(
-            self, max_gap: float, run: Run | None = None,
-            command_timeout: float = math.inf, began: float = math.nan) -> Run:
+            self, max_gap: float, permit: Permit | None = None,
+            command_timeout: float = math.inf, began: float = math.nan) -> Permit:
         """
-        Begin a run; the previous one can no longer send velocities.
+        Begin a drive; the previous one can no longer send velocities.
 
         :param max_gap: the longest allowed time between two messages, without that spent in DDS
             [s]
-        :param run: the run that ``prepare`` returned; None for a new run
+        :param permit: the drive that ``prepare`` returned; None for a new drive
         :param began: t = 0 [s]
-        :raises ControlError: if the run was cancelled, nothing may be published, or the latch is
+        :raises ControlError: if the drive was cancelled, nothing may be published, or the latch is
             set
         """
-        run = run or Run()
+        permit = permit or Permit()
         with self._lock:
-            if run.ended_by is not None:
-                raise run.ended_by
+            if permit.ended_by is not None:
+                raise permit.ended_by
             self._require_permission()
-            run.max_gap, run.command_timeout, run.began = max_gap, command_timeout, began
-            self._run, self._pending = run, None
-        return run
+            permit.max_gap, permit.command_timeout, permit.began = max_gap, command_timeout, began
+            self._permit, self._pending = permit, None
+        return permit
 
     def send(
-            self, run: Run, velocity: Velocity, kind: VelocityKind = VelocityKind.PLAN,
+            self, permit: Permit, velocity: Velocity, kind: VelocityKind = VelocityKind.PLAN,
             due: float | None = None, plan_time: float | None = None, skipped: int = 0) -> float:
         """
-        Check a velocity of a run and publish it.
+        Check a velocity of a drive and publish it.
 
         :param velocity: the wanted velocity of the robot, before the calibration
         :param due: when the velocity is due [s after t = 0]
         :param plan_time: the point in the plan [s]; None without a plan
         :param skipped: how many velocities directly before this one were left out, being too late
         :returns: when it was sent [s on the steady clock]
-        :raises ControlError: if the run was ended, the last message was sent too long ago, or the
-            velocity is beyond the limits; then nothing was published
+        :raises ControlError: if the drive was ended, the last message was sent too long ago, or
+            the velocity is beyond the limits; then nothing was published
         """
         command = self._command(velocity)
         # Without ``deferred``, Ctrl+C between the message and its event would lose the event.
         with self._lock, signal_dispatcher.deferred():
             self._require_limits(command)
-            self._check(run)
-            self._require_no_gap(run)
+            self._check(permit)
+            self._require_no_gap(permit)
             # Read the time directly before: DDS stamps a message when it accepts the message.
             now, before = self._clock(), self._gap_clock()
             self._sending.set()
@@ -219,10 +219,10 @@ class VelocityGate:
             self.publish(VelocitySent(
                 now, command, kind, due, plan_time, skipped,
                 None if command is velocity else velocity))
-            run.last_sent, run.waited_before = after, self.port_time.total
+            permit.last_sent, permit.waited_before = after, self.port_time.total
             # If the program was frozen during the DDS call, the guardian has stopped the robot by
             # now.  Without this check the program would start its own stop only at the next tick.
-            self._check(run)
+            self._check(permit)
             return now
 
     def wait_for_dds(self, ask: Callable[[], None]) -> None:
@@ -239,38 +239,38 @@ class VelocityGate:
             self._sending.clear()
             self.port_time.total += self._gap_clock() - began
 
-    def check(self, run: Run) -> None:
+    def check(self, permit: Permit) -> None:
         """
-        Check that a run may still send velocities.
+        Check that a drive may still send velocities.
 
         :raises ControlError: if it was ended, a newer one has begun, or nothing may be published
         """
-        self._check(run)
+        self._check(permit)
 
-    def cancel(self, reason: ControlError) -> Run | None:
+    def cancel(self, reason: ControlError) -> Permit | None:
         """
-        End the newest run, and one that was prepared but has not begun.
+        End the newest drive, and one that was prepared but has not begun.
 
         :param reason: what ``begin``, ``send`` and ``check`` raise for these runs
-        :returns: the newest run that has begun; None if no run has begun
+        :returns: the newest drive that has begun; None if no drive has begun
         """
         with self._lock:
-            for run in (self._run, self._pending):
-                if run is not None and run.ended_by is None:
-                    run.ended_by = reason
-            cancelled = self._run
+            for permit in (self._permit, self._pending):
+                if permit is not None and permit.ended_by is None:
+                    permit.ended_by = reason
+            cancelled = self._permit
         self.wake()
         return cancelled
 
-    def send_zero(self, after: Run | None, kind: VelocityKind = VelocityKind.STOP) -> bool:
+    def send_zero(self, after: Permit | None, kind: VelocityKind = VelocityKind.STOP) -> bool:
         """
-        Publish a zero velocity, if publishing is allowed and no newer run has begun.
+        Publish a zero velocity, if publishing is allowed and no newer drive has begun.
 
-        :param after: the run that it follows; None if no run has begun
+        :param after: the drive that it follows; None if no drive has begun
         :returns: whether it was published
         """
         with self._lock, signal_dispatcher.deferred():
-            if self._state is not GateState.OPEN or self._run is not after:
+            if self._state is not GateState.OPEN or self._permit is not after:
                 return False
             now = self._clock()
             self._sending.set()
@@ -289,11 +289,11 @@ class VelocityGate:
             self._has_logged_guardian = True
             self.publish(VelocitySent(stopped, ZERO, VelocityKind.GUARDIAN))
 
-    def _check(self, run: Run) -> None:
-        if run.ended_by is not None:
-            raise run.ended_by
-        if run is not self._run:
-            raise MotionRefusedError('this run is over: another one has begun')
+    def _check(self, permit: Permit) -> None:
+        if permit.ended_by is not None:
+            raise permit.ended_by
+        if permit is not self._permit:
+            raise MotionRefusedError('this drive is over: another one has begun')
         self._require_permission()
 
     def _require_permission(self) -> None:
@@ -313,14 +313,14 @@ class VelocityGate:
             raise RunFaultError(f'a velocity was not sent: {error}') from None
         self._within_limits = velocity
 
-    def _require_no_gap(self, run: Run) -> None:
-        if run.last_sent is None:
+    def _require_no_gap(self, permit: Permit) -> None:
+        if permit.last_sent is None:
             return
-        gap = self._gap_clock() - run.last_sent
+        gap = self._gap_clock() - permit.last_sent
         # DDS may take no longer than the guardian allows.  The robot's command timeout limits the
         # whole gap.
-        waited = self.port_time.total - run.waited_before
-        allowed = min(run.max_gap + min(waited, PUBLISH_TIMEOUT), run.command_timeout)
+        waited = self.port_time.total - permit.waited_before
+        allowed = min(permit.max_gap + min(waited, PUBLISH_TIMEOUT), permit.command_timeout)
         if gap > allowed:
             raise RunFaultError(
                 f'nothing was sent for {gap * 1e3:.0f} ms, more than the {allowed * 1e3:.0f} '

@@ -37,13 +37,14 @@ ROUNDING_ERROR = 1e-6
 class GuardianMessage(bytes, Enum):
     """The messages that a node sends to its guardian: one byte, after that of the robot's slot."""
 
-    #: publish one zero velocity and report it, so that the robot's reader is matched before a run
+    #: publish one zero velocity and report it, so that the robot's reader is matched before
+    #: a drive
     PRIME = b'p'
-    #: the first heartbeat of a run; later ones are in the shared memory
+    #: the first heartbeat of a drive; later ones are in the shared memory
     HEARTBEAT = b'b'
-    #: the run is over: a zero velocity is sent next, and more zeros will follow
+    #: the drive is over: a zero velocity is sent next, and more zeros will follow
     STOPPING = b'r'
-    #: the complete stop was sent: no heartbeat is due until the next run
+    #: the complete stop was sent: no heartbeat is due until the next drive
     STOPPED = b's'
     #: the node releases the robot: destroy the guardian's publisher for it
     LEAVE = b'l'
@@ -53,14 +54,14 @@ class Watchdog:
     """
     Decides when the guardian must stop the robot, because the node was silent for too long.
 
-    The node sends heartbeats from the start of a run to the last zero velocity of its stop.  The
-    robot is stopped at most once in each run.
+    The node sends heartbeats from the start of a drive to the last zero velocity of its stop.  The
+    robot is stopped at most once in each drive.
 
     Two times are no silence: that in which the guardian itself could not run, because a short
     pause of the whole machine must not end a drive; and that in which the node waits in a DDS
     call, which has a limit of its own, PUBLISH_TIMEOUT.
 
-    :param heartbeat_timeout: the longest allowed time without a heartbeat during a run [s]
+    :param heartbeat_timeout: the longest allowed time without a heartbeat during a drive [s]
     """
 
     def __init__(self, heartbeat_timeout: float = HEARTBEAT_TIMEOUT) -> None:

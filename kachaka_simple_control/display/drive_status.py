@@ -181,7 +181,7 @@ class DriveTracker:
         self._planned: events.MotionPlanned | None = None
         self._plan: Plan | None = None
         self._started: float | None = None
-        #: the newest velocity message of the current run
+        #: the newest velocity message of the current drive
         self._own: events.VelocitySent | None = None
         self._factors: Mapping[str, float] = {}
         self._ended: events.MotionEnded | None = None

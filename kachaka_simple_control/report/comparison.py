@@ -72,7 +72,7 @@ class End(NamedTuple):
 @dataclass(frozen=True)
 class DriveEnd:
     """
-    How a drive ended, according to its report; a drive is one run of the robot.
+    How a drive ended, according to its report.
 
     :param name: the directory of the report, as text
     :param motions: the names of the motions that the robot drove, in order
@@ -116,7 +116,7 @@ class Spread:
 
 def read_drive(directory: Path) -> DriveEnd:
     """
-    Read from a report how a drive ended; a drive is one run of the robot.
+    Read from a report how a drive ended.
 
     :raises UsageError: if there is no valid report, if the drive was not completed, or if the
         report has no end pose from odometry

@@ -224,7 +224,7 @@ def draw_figure(draw: Callable[[Figure], None], resolution: float | None = None)
     return figure
 
 
-#: The metadata that each file format leaves out, so that two runs give the same bytes.
+#: The metadata that each file format leaves out, so that two drives give the same bytes.
 METADATA = {'.png': ('Software',), '.svg': ('Date', 'Creator'),
             '.pdf': ('CreationDate', 'Creator', 'Producer')}
 

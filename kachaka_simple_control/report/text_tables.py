@@ -412,7 +412,7 @@ def drive_table(
     Return a text table that shows how the robot drove each step of a drive.
 
     For each step, the table shows three displacements: as requested, as sent, and from odometry.
-    A run of steps without a stop has odometry only as a whole, in a row below its last step.
+    A drive of steps without a stop has odometry only as a whole, in a row below its last step.
     Below the table, the text describes the stop and the final pose.
 
     :param stop_confirmed_after: the time from the start of the stop until odometry showed that the

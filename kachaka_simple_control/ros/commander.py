@@ -33,7 +33,7 @@ from kachaka_simple_control.control.drive_requests import (
 )
 from kachaka_simple_control.control.events import MotionPlanned
 from kachaka_simple_control.control.preparation import complete, Moment, Steps
-from kachaka_simple_control.control.robot_drive import RunProgress
+from kachaka_simple_control.control.robot_drive import DriveProgress
 from kachaka_simple_control.control.speed_factor import MOVED, OVERRIDE, PAUSE
 from kachaka_simple_control.control.tick_scheduler import TickScheduler, VelocitySource
 from kachaka_simple_control.control.timing import RESUME_CONFIRM_TIMEOUT, RESUME_QUIET_TIME
@@ -72,7 +72,7 @@ class Commander:
         self._closing = threading.Lock()
         self._is_closed = False
 
-    def states(self, robots: Sequence[Robot] | None = None) -> list[RunProgress]:
+    def states(self, robots: Sequence[Robot] | None = None) -> list[DriveProgress]:
         """Return the progress of the newest motion of each robot."""
         return [robot.drive.progress for robot in self._chosen(robots)]
 

@@ -289,7 +289,7 @@ class GuardianProgram:
             readable, _, _ = select.select(sources, [], [], self._timeout())
             now = boottime()
             data = b''
-            # A run may begin at the moment of the signal: its first heartbeat counts.
+            # A drive may begin at the moment of the signal: its first heartbeat counts.
             if messages in readable and not (data := os.read(messages, READ_SIZE)):
                 ended_by = 'the node is gone'
             if signals in readable:

@@ -24,12 +24,12 @@ import signal
 import time
 
 from kachaka_simple_control import errors
+from kachaka_simple_control.control.drive_monitor import DriveMonitor, LeaseRenewer
 from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.events import OdometryReceived
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.preparation import complete, Moment, Steps
 from kachaka_simple_control.control.robot_drive import RobotDrive
-from kachaka_simple_control.control.run_monitor import LeaseRenewer, RunMonitor
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
@@ -100,13 +100,13 @@ class Robot:
         lease = LeaseRenewer(lambda: manual_control.request(True), profile.command_timeout)
         #: the speed relative to the plan: the product of named factors
         self.speed_factor = SpeedFactor()
-        self.monitor = RunMonitor(
+        self.monitor = DriveMonitor(
             self.guardian, lease if manual_control.is_needed else None, self.discovery,
             self._foreign, self.odometry, parameters, self.speed_factor)
         self.monitor.on_kept_hold = self._logger.warning
         self.stopper = RobotStop(
             hub, self.gate, settings, self.guardian, self.odometry, self._foreign, self.monitor)
-        #: the newest run: its plan, its progress, and why it ended
+        #: the newest drive: its plan, its progress, and why it ended
         self.drive = RobotDrive(
             self.gate, self.monitor, self.speed_factor, profile.command_timeout)
         self.stopper.on_stop = self.drive.on_stop
@@ -179,7 +179,7 @@ class Robot:
                 f'Slower than planned: {self.speed_factor.describe()}')
         self.stopper.end.begin()
         self.drive.begin(
-            source, t0, period, self.request.runs[self.gate], self.pose)
+            source, t0, period, self.request.permits[self.gate], self.pose)
 
     def complete(self, moment: Moment, period: float) -> Steps[None]:
         """
@@ -189,22 +189,22 @@ class Robot:
             ``within`` asks for that
         """
         self.guardian.report_stopping()
-        run = self.gate.run
-        assert run is not None
-        yield from self.stopper.complete(moment, run, self.drive.progress.plan, within=period)
+        permit = self.gate.permit
+        assert permit is not None
+        yield from self.stopper.complete(moment, permit, self.drive.progress.plan, within=period)
 
     def end_before_others(self) -> None:
         """Let another thread stop this robot, which has ended its plan before the others."""
-        assert self.gate.run is not None
+        assert self.gate.permit is not None
         self.guardian.report_stopping()
-        self.stopper.begin_elsewhere(self.gate.run, self.drive.progress.plan)
+        self.stopper.begin_elsewhere(self.gate.permit, self.drive.progress.plan)
 
     def stop_later(self) -> None:
         """Let another thread stop this robot, whose drive has ended while others go on."""
-        assert self.gate.run is not None
+        assert self.gate.permit is not None
         # Its thread, which drives others, goes on to write heartbeats.
         self.guardian.report_stopping()
-        self._hub.late_stops.schedule(self.stopper, self.gate.run, within=0.0)
+        self._hub.late_stops.schedule(self.stopper, self.gate.permit, within=0.0)
 
     def finish(self) -> None:
         """Record that a drive has come to its end."""

@@ -24,12 +24,12 @@ import threading
 from weakref import WeakKeyDictionary
 
 from kachaka_simple_control.control import processes
+from kachaka_simple_control.control.drive_monitor import LeaseRenewer
 from kachaka_simple_control.control.events import VelocityKind
 from kachaka_simple_control.control.guardian import Guardian, GuardianProcess, NullGuardian
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.preparation import Moment, pause, Steps, until
 from kachaka_simple_control.control.robot_drive import RobotDrive
-from kachaka_simple_control.control.run_monitor import LeaseRenewer
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.timing import (
     FEEDBACK_MAX_AGE,
@@ -185,7 +185,7 @@ class RobotConnection:
         end, count = moment.now + self.parameters.prime_time, self.guardian.prime_count
         gate = self.drive.gate
         while moment.now < end:
-            gate.send_zero(gate.run, VelocityKind.PRIME)
+            gate.send_zero(gate.permit, VelocityKind.PRIME)
             self.publisher.sent.record_guardian_zero(moment.now)
             self.guardian.prime()
             count += 1

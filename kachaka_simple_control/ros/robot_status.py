@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from kachaka_simple_control.control.diagnosis import Diagnosis, Level
 from kachaka_simple_control.control.events import DriveState
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
-from kachaka_simple_control.control.robot_drive import RobotDrive, RunProgress
+from kachaka_simple_control.control.robot_drive import DriveProgress, RobotDrive
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.velocity_gate import GateState
 from kachaka_simple_control.errors import ControlError
@@ -79,7 +79,7 @@ class StatusReader:
         return self._drive.gate.state is GateState.CLOSED
 
     @property
-    def progress(self) -> RunProgress:
+    def progress(self) -> DriveProgress:
         """Return the progress of the newest motion: how far it has come and whether it is over."""
         return self._drive.progress
 
@@ -104,7 +104,7 @@ def _guardian(guardian: Guardian | NullGuardian) -> str:
     return 'matched' if guardian.is_matched else 'not matched yet'
 
 
-def diagnose(progress: RunProgress, status: RobotStatus) -> Diagnosis:
+def diagnose(progress: DriveProgress, status: RobotStatus) -> Diagnosis:
     """Return a diagnosis of the drive: OK, a warning or an error, with named values."""
     state = ('stopped permanently' if status.stopped_by is not None else
              STATES.get(progress.state, progress.state.value))
@@ -125,7 +125,7 @@ def diagnose(progress: RunProgress, status: RobotStatus) -> Diagnosis:
     })
 
 
-def _worst(progress: RunProgress, status: RobotStatus, state: str) -> tuple[Level, str]:
+def _worst(progress: DriveProgress, status: RobotStatus, state: str) -> tuple[Level, str]:
     if status.stopped_by is not None:
         return Level.ERROR, f'stopped permanently: {status.stopped_by}'
     if status.guardian.startswith('stopped'):

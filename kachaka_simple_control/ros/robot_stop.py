@@ -23,14 +23,14 @@ import threading
 import time
 
 from kachaka_simple_control import errors
+from kachaka_simple_control.control.drive_monitor import DriveMonitor
 from kachaka_simple_control.control.end_check import EndCheck, EndJudge, UNSEEN
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.preparation import Moment, Steps
-from kachaka_simple_control.control.run_monitor import RunMonitor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.stop import StopController
 from kachaka_simple_control.control.timing import STOP_CONFIRM_TIMEOUT, STOP_LOST_LINK_TIME
-from kachaka_simple_control.control.velocity_gate import GateState, Run, VelocityGate
+from kachaka_simple_control.control.velocity_gate import GateState, Permit, VelocityGate
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.hub import Hub
@@ -43,7 +43,7 @@ class RobotStop(StopController):
     def __init__(
             self, hub: Hub, gate: VelocityGate, settings: RobotSettings,
             guardian: Guardian | NullGuardian, odometry: StandstillDetector,
-            foreign: ForeignMessages, monitor: RunMonitor) -> None:
+            foreign: ForeignMessages, monitor: DriveMonitor) -> None:
         profile = settings.profile
         super().__init__(
             gate, profile.command_timeout, guardian, self._more_zeros_time, publish=gate.publish)
@@ -56,10 +56,10 @@ class RobotStop(StopController):
             lambda: bool(odometry.is_still(time.monotonic())),
             self._logger.warning)
         self.on_stopped, self.on_failure = self._judge.on_stopped, self.log_once
-        #: the run whose stop was logged last; this object before the first stop
+        #: the drive whose stop was logged last; this object before the first stop
         self._logged_stop_of: object = self
-        #: the newest run that was driven to the end of its plan
-        self._ended: Run | None = None
+        #: the newest drive that was driven to the end of its plan
+        self._ended: Permit | None = None
         self._logging = threading.Lock()
         self._has_reported = False
 
@@ -67,7 +67,8 @@ class RobotStop(StopController):
         """Prepare for a drive: a stop that fails is reported again."""
         self._has_reported = False
 
-    def complete(self, moment: Moment, run: Run, plan: Plan | None, within: float) -> Steps[None]:
+    def complete(
+            self, moment: Moment, permit: Permit, plan: Plan | None, within: float) -> Steps[None]:
         """
         Stop the robot after a drive that has come to its end, unless another follows.
 
@@ -75,22 +76,22 @@ class RobotStop(StopController):
         :param within: how long to wait for another drive [s]; 0 if an end off the plan is a fault
         :raises RunFaultError: if the robot does not rest where it should, and that is a fault
         """
-        self._on_end(run, plan)
+        self._on_end(permit, plan)
         if plan is None or not self._judge.is_strict:
-            self._hub.late_stops.schedule(self, run, within)
+            self._hub.late_stops.schedule(self, permit, within)
             return
-        failure = yield from self.steps(moment, None, only=run)
+        failure = yield from self.steps(moment, None, only=permit)
         if failure := failure or self._judge.problem:
             raise errors.RunFaultError(failure)
 
-    def begin_elsewhere(self, run: Run, plan: Plan | None) -> None:
+    def begin_elsewhere(self, permit: Permit, plan: Plan | None) -> None:
         """Stop the robot in another thread, at the end of its plan; ``complete`` follows later."""
-        self._on_end(run, plan)
-        self._hub.late_stops.schedule(self, run, within=0.0)
+        self._on_end(permit, plan)
+        self._hub.late_stops.schedule(self, permit, within=0.0)
 
-    def _on_end(self, run: Run, plan: Plan | None) -> None:
-        if plan is not None and self._ended is not run:
-            self._ended = run
+    def _on_end(self, permit: Permit, plan: Plan | None) -> None:
+        if plan is not None and self._ended is not permit:
+            self._ended = permit
             self._judge.problem = UNSEEN
             self.end.on_complete(plan.pose)
 
@@ -111,9 +112,9 @@ class RobotStop(StopController):
             raise errors.RunFaultError(failure)
         if self._gate.state is GateState.NOT_OPENED:
             return 'nothing was sent: this node has not taken a robot'
-        run = self._gate.run
-        if self._logged_stop_of is not run:
-            self._logged_stop_of = run
+        permit = self._gate.permit
+        if self._logged_stop_of is not permit:
+            self._logged_stop_of = permit
             self._logger.info('Robot has stopped')
         return ('nothing was sent: the robot had been stopped before' if was_stopped
                 else 'the robot was stopped')

@@ -22,7 +22,7 @@ from kachaka_simple_control.control.events import (
     SpeedFactorChanged,
     StateChanged,
 )
-from kachaka_simple_control.control.robot_drive import RunProgress
+from kachaka_simple_control.control.robot_drive import DriveProgress
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 from optional_libraries import MISSING, optional_imports
@@ -58,7 +58,7 @@ def test_each_state_has_the_name_of_the_protocol(
         state, is_taken, is_by_hand, velocity, reason, name):
     robot = SimpleNamespace(odometry=StandstillDetector(), pose=None)
     report = remote_reports.state_of(
-        robot, RunProgress(state=state), velocity, is_taken, is_by_hand, reason)
+        robot, DriveProgress(state=state), velocity, is_taken, is_by_hand, reason)
     assert report.state == name
 
 
@@ -71,7 +71,7 @@ class Beside:
         clock = SimpleNamespace(monotonic=self.time.clock, sleep=self.time.sleep)
         for module in (remote_commands, remote_reports):
             monkeypatch.setattr(module, 'time', clock)
-        self.progress, self.written, self.looks = RunProgress(), [], []
+        self.progress, self.written, self.looks = DriveProgress(), [], []
         robot = SimpleNamespace(odometry=StandstillDetector(), pose=None)
         writer = SimpleNamespace(
             velocity=ZERO, on_event=lambda event: None, write=self.written.append)
@@ -93,7 +93,7 @@ class Beside:
 
     def enter(self, state):
         """Change the state."""
-        self.progress = RunProgress(state=state)
+        self.progress = DriveProgress(state=state)
         self.commands._on_event(StateChanged(self.time.now, state))
 
     def go_on(self):

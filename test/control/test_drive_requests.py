@@ -53,7 +53,7 @@ class Bench:
         """Begin and end a drive."""
         request = self.requests.accept([self.gate])
         request.period = period
-        self.gate.begin(0.2, request.runs[self.gate])
+        self.gate.begin(0.2, request.permits[self.gate])
         self.requests.finish(request, is_complete)
 
 
@@ -75,7 +75,7 @@ def test_a_drive_that_has_not_begun_is_ended_by_a_stop(bench):
     request = bench.requests.accept([bench.gate])
     bench.stop_from_outside()
     with pytest.raises(MotionRefusedError, match='from outside'):
-        bench.gate.begin(0.2, request.runs[bench.gate])
+        bench.gate.begin(0.2, request.permits[bench.gate])
 
 
 def test_a_stop_between_two_movements_that_follow_at_once_refuses_the_second(bench):
@@ -91,7 +91,7 @@ def test_a_stop_between_two_movements_that_follow_at_once_refuses_the_second(ben
 def test_a_stop_at_the_last_moment_of_a_movement_refuses_the_next(bench):
     request = bench.requests.accept([bench.gate])
     request.period = PERIOD
-    bench.gate.begin(0.2, request.runs[bench.gate])
+    bench.gate.begin(0.2, request.permits[bench.gate])
     bench.stop_from_outside()
     bench.requests.finish(request, is_complete=True)
     with pytest.raises(MotionRefusedError, match='from outside'):

@@ -27,6 +27,7 @@ from types import SimpleNamespace
 
 from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control.drive_loop import DriveLoop
+from kachaka_simple_control.control.drive_monitor import DriveMonitor, LeaseRenewer
 from kachaka_simple_control.control.events import (
     DriveState,
     MotionEnded,
@@ -40,7 +41,6 @@ from kachaka_simple_control.control.events import (
 from kachaka_simple_control.control.guardian import NullGuardian
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.robot_drive import RobotDrive
-from kachaka_simple_control.control.run_monitor import LeaseRenewer, RunMonitor
 from kachaka_simple_control.control.speed_factor import PAUSE, SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.stop import StopController
@@ -94,7 +94,7 @@ class Robot:
         self.response = SimpleNamespace(done=True, refusal=None)
         self.lease = LeaseRenewer(lambda: self.response, COMMAND_TIMEOUT)
         self.lease.granted(self.time.now)
-        self.monitor = RunMonitor(
+        self.monitor = DriveMonitor(
             self.guardian, self.lease, self.port, self.port, self.odometry,
             SimpleNamespace(odometry_timeout=1.0, pause_timeout=600.0), self.factor)
         self.feedback = PoseFeedback(0.1) if is_closed_loop else None

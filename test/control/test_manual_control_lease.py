@@ -17,7 +17,7 @@ from itertools import pairwise
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.control.run_monitor import LeaseRenewer
+from kachaka_simple_control.control.drive_monitor import LeaseRenewer
 from kachaka_simple_control.errors import RunFaultError
 import pytest
 

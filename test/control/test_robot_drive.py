@@ -275,7 +275,7 @@ def test_the_stop_of_a_drive_is_not_that_of_the_next():
     """It is still sent while the next one waits for its robot, and perhaps a moment longer."""
     bench = Bench(Move(0.1, 0.0, 1.0))
     bench.run()
-    before = bench.gate.run
+    before = bench.gate.permit
     bench.drive.request(bench.time.now, 'next', bench.plan)
     bench.drive.on_stop(bench.time.now, before, False)
     assert bench.states[-1] is DriveState.WAITING

@@ -21,7 +21,7 @@ import time
 import weakref
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
-from kachaka_simple_control.control import run_monitor
+from kachaka_simple_control.control import drive_monitor
 from kachaka_simple_control.control.drive_loop import DriveLoop
 from kachaka_simple_control.control.processes import is_running
 from kachaka_simple_control.errors import (
@@ -287,8 +287,8 @@ def test_a_service_of_the_user_may_drive_where_a_thread_is_free(listener, make):
 
 def test_manual_control_is_renewed_while_it_moves(listener, make, monkeypatch):
     """In simulated minutes: what takes 40 s on a robot takes 0.4 s here."""
-    monkeypatch.setattr(run_monitor, 'LEASE_RENEW_AT_REST', 0.2)
-    monkeypatch.setattr(run_monitor, 'LEASE_RENEW_LATEST', 0.4)
+    monkeypatch.setattr(drive_monitor, 'LEASE_RENEW_AT_REST', 0.2)
+    monkeypatch.setattr(drive_monitor, 'LEASE_RENEW_LATEST', 0.4)
     make().move_robot(0.1, 0.0, 2.0)
     assert 4 <= len(listener.enabled) <= 7
     assert [move.count for move in listener.moves()] == [20]
@@ -307,8 +307,8 @@ def test_between_two_movements_that_follow_at_once_one_zero_is_sent(listener, ma
 
 def test_a_renewal_slower_than_the_command_timeout_is_a_fault(make, monkeypatch):
     from listener import Listener
-    monkeypatch.setattr(run_monitor, 'LEASE_RENEW_AT_REST', 0.5)
-    monkeypatch.setattr(run_monitor, 'LEASE_RENEW_LATEST', 1.0)
+    monkeypatch.setattr(drive_monitor, 'LEASE_RENEW_AT_REST', 0.5)
+    monkeypatch.setattr(drive_monitor, 'LEASE_RENEW_LATEST', 1.0)
     with Listener(delay=0.4) as listener:
         with pytest.raises(RunFaultError, match='not renewed within 200 ms'):
             make().move_robot(0.1, 0.0, 5.0)
@@ -318,8 +318,8 @@ def test_a_renewal_slower_than_the_command_timeout_is_a_fault(make, monkeypatch)
 
 def test_the_time_for_a_renewal_follows_from_the_rate_of_the_motion(make, monkeypatch):
     from listener import Listener
-    monkeypatch.setattr(run_monitor, 'LEASE_RENEW_AT_REST', 0.5)
-    monkeypatch.setattr(run_monitor, 'LEASE_RENEW_LATEST', 1.0)
+    monkeypatch.setattr(drive_monitor, 'LEASE_RENEW_AT_REST', 0.5)
+    monkeypatch.setattr(drive_monitor, 'LEASE_RENEW_LATEST', 1.0)
     with Listener(delay=0.4) as listener:
         # 280 ms at the 50 Hz of the parameter; a period at 5.5 Hz takes 182 of the 300 ms.
         with pytest.raises(RunFaultError, match='not renewed within 118 ms'):

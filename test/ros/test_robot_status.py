@@ -19,7 +19,7 @@ import dataclasses
 
 from kachaka_simple_control.control.diagnosis import Level
 from kachaka_simple_control.control.events import DriveState
-from kachaka_simple_control.control.robot_drive import RunProgress
+from kachaka_simple_control.control.robot_drive import DriveProgress
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
 from optional_libraries import MISSING, optional_imports
@@ -38,8 +38,8 @@ IN_ORDER = RobotStatus(
 
 
 PLAN = plan(Motion('on', (Move(0.1, 0.0, 1.0), Move(0.0, 0.5, 1.0))), ABRUPT, 10.0)
-NONE = RunProgress()
-DRIVING = RunProgress('on', PLAN, began=100.0, plan_time=0.5, state=DriveState.DRIVING)
+NONE = DriveProgress()
+DRIVING = DriveProgress('on', PLAN, began=100.0, plan_time=0.5, state=DriveState.DRIVING)
 
 
 def diagnosis_of(progress=NONE, **changes):
@@ -79,7 +79,7 @@ def test_steps_are_numbered(plan_time, step):
 
 
 def test_skipped_velocities_and_an_early_end_are_a_warning():
-    assert diagnosis_of(RunProgress(skipped=2))[:2] == (Level.WARN, 'velocities were skipped')
+    assert diagnosis_of(DriveProgress(skipped=2))[:2] == (Level.WARN, 'velocities were skipped')
     diagnosis = diagnosis_of(dataclasses.replace(
         DRIVING, state=DriveState.CUT_SHORT, ended_by='the robot left', skipped=2))
     assert diagnosis[:2] == (

@@ -159,7 +159,7 @@ def play():
 def refused():
     node.move_robot(0.2, 0.0, 0.2)
 threading.Thread(target=play).start()
-while node.robot.gate.run is None:
+while node.robot.gate.permit is None:
     time.sleep(0.05)
 other = threading.Thread(target=refused)
 other.start()

@@ -159,7 +159,7 @@ class OtherPublishers(Protocol):
         """
 
 
-class RunTimeouts(Protocol):
+class DriveTimeouts(Protocol):
     """Two time limits: how long a drive may be paused, and how long odometry may be silent."""
 
     @property
@@ -171,12 +171,12 @@ class RunTimeouts(Protocol):
         """Return how long a drive may be paused before it ends [s]."""
 
 
-class RunMonitor:
+class DriveMonitor:
     """
-    Checks for faults during a run, and renews manual control.
+    Checks for faults during a drive, and renews manual control.
 
     The thread that drives calls it after each message, and at least every CHECK_PERIOD.  Each call
-    is short, and raises an error if a fault must end the run.
+    is short, and raises an error if a fault must end the drive.
 
     :param lease: None for a robot without manual control
     """
@@ -184,7 +184,7 @@ class RunMonitor:
     def __init__(
             self, guardian: Guardian | NullGuardian, lease: LeaseRenewer | None,
             robot: RobotPort, others: OtherPublishers, odometry: StandstillDetector,
-            timeouts: RunTimeouts, speed_factor: SpeedFactor) -> None:
+            timeouts: DriveTimeouts, speed_factor: SpeedFactor) -> None:
         self._guardian = guardian
         self._lease = lease
         self._robot = robot
@@ -254,10 +254,10 @@ class RunMonitor:
             self, now: float, feedback: PoseFeedback | None, period: float,
             has_plan: bool = True) -> None:
         """
-        Prepare the monitor for a new run.
+        Prepare the monitor for a new drive.
 
         :param feedback: the closed loop; None to send the velocities as planned
-        :param period: the time between two velocities of the run [s]
+        :param period: the time between two velocities of the drive [s]
         :param has_plan: whether a plan is driven, to which the speed of a person is relative; the
             hand chooses its own speed
         """
@@ -287,7 +287,7 @@ class RunMonitor:
         """
         Check for faults, renew manual control, and end a hold that is over.
 
-        The first check of a run makes the guardian watch the robot.
+        The first check of a drive makes the guardian watch the robot.
 
         :raises RunFaultError: if the drive must end
         """

@@ -20,8 +20,8 @@ import math
 import threading
 from types import SimpleNamespace
 
+from kachaka_simple_control.control.drive_monitor import DriveMonitor, LeaseRenewer
 from kachaka_simple_control.control.guardian import NullGuardian
-from kachaka_simple_control.control.run_monitor import LeaseRenewer, RunMonitor
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.timing import GRAPH_CHECK_PERIOD, GRAPH_COUNT_PERIOD
@@ -40,7 +40,7 @@ def begun():
         check_identity=lambda: None, check_exclusive=lambda: None, has_changed=lambda: False,
         update=lambda: False)
     parameters = SimpleNamespace(odometry_timeout=0.5, pause_timeout=600.0)
-    monitor = RunMonitor(
+    monitor = DriveMonitor(
         NullGuardian(), None, anything, anything, odometry, parameters, SpeedFactor())
     monitor.begin(START, None, 0.1)
     odometry.on_odometry(START, ZERO)
@@ -124,8 +124,8 @@ def questions(duration, happen):
     lease = LeaseRenewer(question('request'), 0.3)
     lease.granted(0.0)
     answers['request'] = SimpleNamespace(done=True, refusal=None)
-    monitor = RunMonitor(
-        SimpleNamespace(heartbeat=question('heartbeat', enters_dds=False)), lease, port, port,
+    monitor = DriveMonitor(
+        SimpleNamespace(check=question('check', enters_dds=False)), lease, port, port,
         StandstillDetector(), SimpleNamespace(odometry_timeout=0.0, pause_timeout=600.0),
         SpeedFactor())
     monitor.wait_for_dds = wait_for_dds
@@ -161,6 +161,6 @@ def test_only_what_enters_dds_is_no_gap():
             monitor._speed_factor.set('obstacle', 1.0)
 
     asked = questions(41.0, hold)
-    assert len(asked['heartbeat']) == 41 * 64
+    assert len(asked['check']) == 41 * 64
     assert asked['request']
     assert len(asked['check_identity']) == len(asked['update']) + 1, 'once to end the hold'
