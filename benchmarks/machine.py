@@ -24,7 +24,7 @@ import platform
 import subprocess
 import sys
 
-from kachaka_simple_control.version import ros_distro
+from kachaka_simple_control.process.version import ros_distro
 
 #: The packages whose versions are described.
 PACKAGES = ('rclpy', 'ros-rmw-fastrtps-cpp', 'ros-fastrtps', 'geometry_msgs')

@@ -61,7 +61,7 @@ nitpick_ignore_regex = [
     (r'py:.*', r'(Any|Callable|Enum|Exception|NoReturn|RuntimeError|ValueError|SystemExit)'),
     (r'py:.*', r'(Field|Footprint|FrameType|Iterator|Path|Sequence|TracebackType)'),
     # The lines are described by their schema.
-    (r'py:class', r'kachaka_simple_control\.console\.protocol\..*'),
+    (r'py:class', r'kachaka_simple_control\.files\.protocol\..*'),
     (r'py:exc', 'ExternalShutdownException'),
     (r'py:class', r'(Executor|Node|Publisher|Time|Twist|Context|Protocol)'),
     (r'py:class', r'(DiagnosticArray|Odometry)'),

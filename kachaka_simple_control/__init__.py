@@ -75,7 +75,7 @@ _NAMES = {
 
 def __getattr__(name: str) -> Any:
     if name == '__version__':
-        from kachaka_simple_control.version import installed_version
+        from kachaka_simple_control.process.version import installed_version
         return installed_version()
     module = next((module for module, names in _NAMES.items() if name in names), None)
     if module is None:

@@ -20,7 +20,7 @@ once, without a traceback.
 
 from __future__ import annotations
 
-from kachaka_simple_control.control.interrupts import exit_on_interrupt
+from kachaka_simple_control.process.interrupts import exit_on_interrupt
 
 
 def run(module: str) -> int:
@@ -34,7 +34,7 @@ def run(module: str) -> int:
     # Imported only here, because before ``exit_on_interrupt`` Ctrl+C prints a traceback.
     from importlib import import_module
 
-    from kachaka_simple_control.control.output import escape_unencodable, open_closed_streams
+    from kachaka_simple_control.process.output import escape_unencodable, open_closed_streams
     open_closed_streams()
     escape_unencodable()
     code: int = import_module(f'kachaka_simple_control.{module}').main()

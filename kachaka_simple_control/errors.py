@@ -17,6 +17,11 @@ from __future__ import annotations
 
 from typing import Any
 
+#: The message if tornado, which serves the page of the console, is not installed.
+TORNADO_MISSING = (
+    'the page needs tornado, which is missing here; install it with: pip install '
+    "'kachaka_simple_control[console]', or sudo apt install python3-tornado")
+
 
 class ControlError(RuntimeError):
     """
@@ -25,6 +30,9 @@ class ControlError(RuntimeError):
     The message is one line.  Only the message of a ``FileError``, which is about a file, may have
     several lines: one for each problem in the file.
     """
+
+    #: whether the message begins with file and line, which many editors show as a link
+    begins_with_line = False
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return what pickle needs, whatever arguments a class takes, for another process."""

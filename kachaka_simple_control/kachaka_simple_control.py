@@ -42,11 +42,13 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.motion.steps import Motion, Move, Step
 from kachaka_simple_control.motion.units import require_number
+from kachaka_simple_control.process.output import print_result
+from kachaka_simple_control.process.run_command import run_command
+from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
 from kachaka_simple_control.ros.dds_transport import start_on_this_machine, use_udp_transport
 from kachaka_simple_control.ros.drive_node import DriveNode
 from kachaka_simple_control.ros.node_parameters import require_no_parameter
 from kachaka_simple_control.ros.parameters import warn_of_unknown
-from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.telemetry.event_file import EventFile
 from kachaka_simple_control.text import escaped, pluralize, quoted
 import rclpy
@@ -328,15 +330,21 @@ class KachakaSimpleControl(DriveNode):
 
     def _close(self) -> None:
         """
-        Stop and release the robot, and end the simulated robot, if any; once.
+        Stop and release the robot; end the simulated robot, if any, and print its table; once.
+
+        It has requested, sent and reported distance or angle of each movement.
 
         :raises RunFaultError: if the table of a simulated robot cannot be printed
         """
         super()._close()
         if self._event_file is not None:
             self._event_file.close()
-        if self._simulation is not None:
-            self._simulation.end(self.drive_log, self.stop_confirmed_after)
+        simulation, self._simulation = self._simulation, None
+        if simulation is not None:
+            simulation.end()
+            if (drive_log := self.drive_log).steps:
+                print_result(drive_table(
+                    drive_log, self.stop_confirmed_after, terminal_columns()), 'the table')
 
 
 def play_lesson(robot_control: KachakaSimpleControl) -> None:
@@ -388,7 +396,7 @@ def main(args: list[str] | None = None) -> int:
 
     :param args: the command-line arguments for ROS; None for those of this process
     """
-    return run_command(lambda: lesson(args))
+    return run_command(lambda: lesson(args), motion_function=play_lesson.__name__)
 
 
 if __name__ == '__main__':

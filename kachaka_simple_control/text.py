@@ -59,6 +59,15 @@ def quoted(text: str, max_length: int = 40) -> str:
     return repr(text if len(text) <= max_length else text[:max_length - 3] + '...')
 
 
+def location(source: str, line: int | None) -> str:
+    """
+    Return a place in a file as ``file:line``, which terminals and editors show as a link.
+
+    :param line: the line number, counted from 1; None to return only the name of the file
+    """
+    return source if line is None else f'{source}:{line}'
+
+
 def format_fixed(value: float, digits: int) -> str:
     """Return a number as text with a fixed number of decimal places; zero has no minus sign."""
     return f'{round(value, digits) + 0.0:.{digits}f}'

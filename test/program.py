@@ -30,7 +30,7 @@ import threading
 import time
 from typing import Any
 
-from kachaka_simple_control.control.processes import is_running
+from kachaka_simple_control.process.processes import is_running
 from waiting import poll
 
 ROOT = Path(__file__).resolve().parent.parent

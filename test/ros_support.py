@@ -19,7 +19,7 @@ import math
 import sys
 import time
 
-from kachaka_simple_control.control import processes
+from kachaka_simple_control.process import processes
 from kachaka_simple_control.ros.dds_transport import CHOICES
 from program import Program
 from waiting import TIMEOUT, wait_until

@@ -32,7 +32,7 @@ COMMON = {
     'rcl_interfaces.msg': {
         'FloatingPointRange', 'ParameterDescriptor', 'SetParametersResult'},
     'rclpy': {'init', 'ok', 'shutdown', 'signals', 'spin', 'try_shutdown'},
-    'rclpy.callback_groups': {'MutuallyExclusiveCallbackGroup'},
+    'rclpy.callback_groups': {'CallbackGroup', 'MutuallyExclusiveCallbackGroup'},
     'rclpy.clock': {'Clock', 'ClockType'},
     'rclpy.context': {'Context'},
     'rclpy.expand_topic_name': {'expand_topic_name'},

@@ -21,7 +21,7 @@ import subprocess
 import sys
 import time
 
-from kachaka_simple_control.control.processes import is_stopped
+from kachaka_simple_control.process.processes import is_stopped
 from program import ROOT
 import pytest
 from real_time_trials import FOLDER

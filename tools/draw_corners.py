@@ -26,9 +26,10 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
-from kachaka_simple_control.analysis.plan_view import Area, PlanView
+from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.motion.geometry import Area
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.output_file import check_plot_file, save_figure
 from kachaka_simple_control.report.plan_plot import draw_path

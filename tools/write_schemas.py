@@ -20,8 +20,7 @@ import re
 from typing import Any
 
 import kachaka_simple_control
-from kachaka_simple_control.console import protocol
-from kachaka_simple_control.files import motion_file, robot_profile
+from kachaka_simple_control.files import motion_file, protocol, robot_profile
 from kachaka_simple_control.files.document import read_schema
 from kachaka_simple_control.motion.units import QUANTITIES
 

@@ -25,7 +25,7 @@ import time
 from benchmarks import ROOT
 from benchmarks.console_matrix.proxy import Proxy
 from benchmarks.stop_matrix.observer import Observer
-from kachaka_simple_control.control.processes import is_running
+from kachaka_simple_control.process.processes import is_running
 from program import children_of, environment, Program
 from ros_domain import claim_domain, release_domain
 from waiting import poll, wait_until

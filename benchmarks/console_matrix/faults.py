@@ -30,7 +30,7 @@ from benchmarks.console_matrix.console_run import end_processes, time_until
 from benchmarks.console_matrix.proxy import Proxy
 from benchmarks.console_matrix.stage import Stage
 from benchmarks.console_matrix.trial import Expectation, hand_trial, SpoiltError, Trial
-from kachaka_simple_control.control.processes import is_running
+from kachaka_simple_control.process.processes import is_running
 
 #: How long the hand drives before the fault [s].
 TIME_TO_FAULT = (0.6, 0.9)

@@ -25,11 +25,11 @@ import time
 from benchmarks.console_matrix.raw_client import RawClient
 from benchmarks.console_matrix.stage import Stage
 from benchmarks.console_matrix.trial import Expectation, Trial
-from kachaka_simple_control.analysis.plan_view import sample_path
 from kachaka_simple_control.files.motion_file import loads
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.geometry import integrate, ORIGIN, Pose, relative_to, Velocity
+from kachaka_simple_control.motion.paths import sample_path
 from kachaka_simple_control.motion.steps import Move
 from listener import SentVelocity
 from waiting import poll

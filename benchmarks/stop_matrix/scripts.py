@@ -113,7 +113,7 @@ TAKEN = BEGIN + """
 import rclpy
 from kachaka_simple_control import KachakaSimpleControl
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
-from kachaka_simple_control.run_command import run_command
+from kachaka_simple_control.process.run_command import run_command
 
 ForeignMessages.update = lambda self: False
 

@@ -22,10 +22,10 @@ import sys
 import threading
 import time
 
-from kachaka_simple_control.control.signals import ShutdownEvent
 from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.process.signals import ShutdownEvent
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 

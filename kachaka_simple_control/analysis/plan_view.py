@@ -21,7 +21,7 @@ one period.  Tested by test/report/test_plan_plot.py.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 import math
@@ -29,56 +29,19 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from kachaka_simple_control.analysis.flows import repetition_key
-from kachaka_simple_control.analysis.paths import sample_path
 from kachaka_simple_control.control.tick_scheduler import TIME_TOLERANCE
 from kachaka_simple_control.motion.geometry import (
+    Area,
     compose,
     distance_between,
     Footprint,
     integrate,
     ORIGIN,
-    outline,
-    Point,
     Pose,
 )
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.paths import floor_area
 from kachaka_simple_control.motion.plan import Plan, PlannedStep, Segment
-
-#: The largest number of poses of a plan that are used to compute the floor area.
-MAX_FLOOR_POSES = 20_000
-
-
-class Area(NamedTuple):
-    """
-    A rectangle on the floor, parallel to the axes.
-
-    :param left: the smallest x [m]
-    :param bottom: the smallest y [m]
-    :param width: the size along x [m]
-    :param height: the size along y [m]
-    """
-
-    left: float
-    bottom: float
-    width: float
-    height: float
-
-    @property
-    def corners(self) -> tuple[Point, Point]:
-        """Return the lower left and the upper right corner of the rectangle [m]."""
-        return (self.left, self.bottom), (self.left + self.width, self.bottom + self.height)
-
-
-def outlines(footprint: Footprint | None, poses: Iterable[Pose]) -> list[Point]:
-    """
-    Return the corners of a robot's outline at each of several poses [m].
-
-    :param footprint: the robot's outline from above; if it is None, only the positions of the
-        poses are returned
-    """
-    if footprint is None:
-        return [(pose.x, pose.y) for pose in poses]
-    return [corner for pose in poses for corner in outline(footprint, pose)]
 
 
 @dataclass(frozen=True)
@@ -107,14 +70,8 @@ class PlanView:
 
     @cached_property
     def floor(self) -> Area:
-        """
-        Return the floor area that the robot's outline, or else its path, needs.
-
-        On curves and turns the outline is computed every few degrees; the error is below a
-        thousandth of the robot's size.
-        """
-        xs, ys = zip(*outlines(self.footprint, sample_path(self.plan, most=MAX_FLOOR_POSES)))
-        return Area(min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys))
+        """Return the floor area that the robot's outline, or else its path, needs."""
+        return floor_area(self.plan, self.footprint)
 
     @property
     def floor_size(self) -> str:

@@ -40,14 +40,15 @@ from kachaka_simple_control.commands.calibrate_options import CalibrateOptions
 from kachaka_simple_control.commands.drive_or_preview import confirm, drive, read_answer
 from kachaka_simple_control.commands.preview import plan_view
 from kachaka_simple_control.commands.settings import choose_settings, Settings
-from kachaka_simple_control.control.output import print_result
-from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import calibrated_text, KACHAKA_TRACK, RobotProfile
 from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.units import ANGLE, LENGTH, Quantity, SIZE, UnitError
+from kachaka_simple_control.process.output import print_result
+from kachaka_simple_control.process.run_command import run_command
+from kachaka_simple_control.process.signals import signal_dispatcher
 from kachaka_simple_control.report.drive_plots import save_calibration_plot
 from kachaka_simple_control.report.output_file import check_plot_file, write_atomically
 from kachaka_simple_control.report.text_tables import (
@@ -57,7 +58,6 @@ from kachaka_simple_control.report.text_tables import (
     Row,
     terminal_columns,
 )
-from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.text import escaped, escaped_lines
 
 T = TypeVar('T')

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kachaka_simple_control.commands import cli
-from kachaka_simple_control.exit_codes import HELP, OneLineParser
+from kachaka_simple_control.process.exit_codes import HELP, OneLineParser
 from kachaka_simple_control.text import quoted
 
 NAME = 'kachaka_calibrate'

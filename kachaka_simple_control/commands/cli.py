@@ -29,7 +29,6 @@ from typing import Any, NoReturn
 
 from kachaka_simple_control.control.end_check import EndTolerance
 from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
-from kachaka_simple_control.exit_codes import DONE, FAULTED, HELP, OneLineParser
 from kachaka_simple_control.kachaka.program import (
     add_simulation_options,
     address_argument,
@@ -39,6 +38,7 @@ from kachaka_simple_control.kachaka.program import (
     simulation_words,
 )
 from kachaka_simple_control.motion.units import MINUS, point_advice, TOLERANCE, UnitError
+from kachaka_simple_control.process.exit_codes import DONE, FAULTED, HELP, OneLineParser
 from kachaka_simple_control.text import escaped, quoted
 
 NAME = 'kachaka_simple_control'
@@ -136,7 +136,7 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     values = parse_values(parser, sys.argv[1:] if arguments is None else arguments)
     take_simulation(parser, values)
     if values.pop('version'):
-        from kachaka_simple_control.version import installed_version
+        from kachaka_simple_control.process.version import installed_version
         print(f'{NAME} {installed_version()}')
         raise SystemExit(DONE)
     options = Options(motions=tuple(values.pop('motions')), **values)

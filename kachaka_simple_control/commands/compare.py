@@ -20,13 +20,13 @@ import os
 from pathlib import Path
 import sys
 
-from kachaka_simple_control.control.output import print_result
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.exit_codes import OneLineParser
+from kachaka_simple_control.process.exit_codes import OneLineParser
+from kachaka_simple_control.process.output import print_result
+from kachaka_simple_control.process.run_command import run_command
 from kachaka_simple_control.report import comparison
 from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.text_tables import terminal_columns, WIDEST
-from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.text import escaped
 
 NAME = 'kachaka_compare'

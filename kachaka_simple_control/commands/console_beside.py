@@ -22,11 +22,10 @@ import subprocess
 
 from kachaka_simple_control.commands.remote_commands import RemoteCommands
 from kachaka_simple_control.commands.remote_reports import ReportWriter
-from kachaka_simple_control.console import protocol
-from kachaka_simple_control.console.console_command import TORNADO_MISSING
-from kachaka_simple_control.control.processes import child_environment, python_command
-from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.errors import TORNADO_MISSING, UsageError
+from kachaka_simple_control.files import protocol
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
+from kachaka_simple_control.process.processes import child_environment, python_command
 
 CONSOLE = 'kachaka_simple_control.console.console_command'
 #: How long the console may take to listen, and to end [s].

@@ -33,13 +33,13 @@ from kachaka_simple_control.commands.settings import (
     order_of,
 )
 from kachaka_simple_control.control.events import SpeedFactorChanged
-from kachaka_simple_control.control.output import make_nonblocking, print_result, STDERR, STDOUT
-from kachaka_simple_control.control.processes import ended_after
 from kachaka_simple_control.control.timing import SHUTDOWN_TIMEOUT
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.errors import RunFaultError, UsageError
 from kachaka_simple_control.files.library import find, lesson_motion
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
+from kachaka_simple_control.process.output import make_nonblocking, print_result, STDERR, STDOUT
+from kachaka_simple_control.process.processes import ended_after
 from kachaka_simple_control.report import output_file
 from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
 from kachaka_simple_control.ros.dds_transport import use_localhost_only, use_udp_transport

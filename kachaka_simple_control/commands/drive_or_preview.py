@@ -30,11 +30,12 @@ import termios
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.commands.cli import Options, parse
-from kachaka_simple_control.control.interrupts import exit_on_interrupt, raise_on_interrupt
-from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.files.library import LESSON_FUNCTION
+from kachaka_simple_control.process.interrupts import exit_on_interrupt, raise_on_interrupt
+from kachaka_simple_control.process.run_command import run_command
+from kachaka_simple_control.process.signals import signal_dispatcher
 from kachaka_simple_control.ros.environment import require_middleware
-from kachaka_simple_control.run_command import run_command
 
 if TYPE_CHECKING:
     from kachaka_simple_control.analysis.drive_log import DriveLog
@@ -134,4 +135,6 @@ def _drive_confirmed(options: Options) -> None:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command ``kachaka_simple_control``."""
     options = parse(args)
-    return run_command(lambda: _run(options), moves_robot=not options.is_preview)
+    return run_command(
+        lambda: _run(options), moves_robot=not options.is_preview,
+        motion_function=LESSON_FUNCTION)

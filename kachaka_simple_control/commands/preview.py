@@ -24,9 +24,9 @@ from kachaka_simple_control.commands.settings import (
     describe_overrides,
     order_of,
 )
-from kachaka_simple_control.control.output import print_result
 from kachaka_simple_control.files.library import find, library
 from kachaka_simple_control.files.robot_profile import find_robot, robots
+from kachaka_simple_control.process.output import print_result
 from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.plan_plot import save_plot
 from kachaka_simple_control.report.text_tables import plan_table, terminal_columns

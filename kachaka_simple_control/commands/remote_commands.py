@@ -14,7 +14,7 @@
 """
 Let another program stop, pause, resume and slow down a drive, and report its state.
 
-Over two pipes, in the lines of ``console/protocol.py``.
+Over two pipes, in the lines of ``files/protocol.py``.
 
 Tested by test/commands/test_remote_control.py.
 """
@@ -31,10 +31,8 @@ import threading
 import time
 
 from kachaka_simple_control.commands.remote_reports import ReportWriter, state_of
-from kachaka_simple_control.console import protocol
 from kachaka_simple_control.control.events import Event, OdometryReceived
 from kachaka_simple_control.control.robot_drive import DriveProgress, UNDER_WAY
-from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import REMOTE_REPORT_PERIOD, REMOTE_STATE_PERIOD
 from kachaka_simple_control.errors import (
     ControlError,
@@ -42,7 +40,9 @@ from kachaka_simple_control.errors import (
     MotionRefusedError,
     UsageError,
 )
+from kachaka_simple_control.files import protocol
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
+from kachaka_simple_control.process.signals import signal_dispatcher
 from kachaka_simple_control.ros.robot_info import RobotInfo
 
 #: How many bytes of commands are read at once.

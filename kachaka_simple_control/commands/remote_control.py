@@ -14,7 +14,7 @@
 """
 Drive a robot as another program commands on standard input; reports go to standard output.
 
-The lines are those of ``console/protocol.py``.  The console uses this, and so may any program.
+The lines are those of ``files/protocol.py``.  The console uses this, and so may any program.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ import threading
 from kachaka_simple_control.commands.remote_commands import RemoteCommands
 from kachaka_simple_control.commands.remote_reports import ReportWriter, state_of
 from kachaka_simple_control.commands.settings import Settings
-from kachaka_simple_control.console import protocol
 from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.events import DriveState
 from kachaka_simple_control.control.hand_source import HandSource
@@ -38,17 +37,18 @@ from kachaka_simple_control.control.timing import (
     REMOTE_REST_TIMEOUT,
     REMOTE_SILENCE_TIMEOUT,
 )
-from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import (
     ControlError,
     InvalidMotionError,
     MotionRefusedError,
     MotionRunningError,
 )
+from kachaka_simple_control.files import protocol
 from kachaka_simple_control.files.motion_file import loads, MotionFile
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.process.waiting import wait_until
 from kachaka_simple_control.text import quoted
 
 #: The name of the speed factor that the commands keep valid while a motion runs.

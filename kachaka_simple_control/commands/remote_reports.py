@@ -25,11 +25,11 @@ import threading
 import time
 from typing import Any, Literal
 
-from kachaka_simple_control.console import protocol
 from kachaka_simple_control.control.events import DriveState, Event, VelocityKind, VelocitySent
 from kachaka_simple_control.control.robot_drive import DriveProgress, UNDER_WAY
 from kachaka_simple_control.control.speed_factor import product
 from kachaka_simple_control.control.timing import REMOTE_WRITE_TIMEOUT
+from kachaka_simple_control.files import protocol
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
 from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 from kachaka_simple_control.ros.robot import Robot

@@ -29,7 +29,6 @@ import time
 from kachaka_simple_control.console.drive_process import DriveProcess
 from kachaka_simple_control.console.folder import Folder, FolderError
 from kachaka_simple_control.console.lease import HandLease, IDLE_TIME
-from kachaka_simple_control.console.messages import Message, MessageError
 from kachaka_simple_control.console.open_pages import OpenPage, OpenPages, Page
 from kachaka_simple_control.console.page_protocol import (
     AskPreview,
@@ -48,7 +47,10 @@ from kachaka_simple_control.console.page_protocol import (
 )
 from kachaka_simple_control.console.page_work import PageWork
 from kachaka_simple_control.console.preview import PreviewWorker
-from kachaka_simple_control.console.protocol import (
+from kachaka_simple_control.console.recording import Recorder
+from kachaka_simple_control.console.reports import Reports
+from kachaka_simple_control.files.messages import Message, MessageError
+from kachaka_simple_control.files.protocol import (
     Answer,
     Hand,
     Log,
@@ -67,9 +69,7 @@ from kachaka_simple_control.console.protocol import (
     Stop,
     Take,
 )
-from kachaka_simple_control.console.recording import Recorder
-from kachaka_simple_control.console.reports import Reports
-from kachaka_simple_control.version import installed_version
+from kachaka_simple_control.process.version import installed_version
 
 #: How often the drive process hears that a page is open [s].
 ALIVE_PERIOD = 0.25

@@ -34,8 +34,7 @@ from kachaka_simple_control.console.preview import PreviewWorker
 from kachaka_simple_control.console.reports import Reports
 from kachaka_simple_control.console.running_drive import RunningDrive
 from kachaka_simple_control.console.security import bracketed, is_loopback, Tokens
-from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.exit_codes import BAD_USAGE, DONE, FAULTED, OneLineParser, SIGNALLED
+from kachaka_simple_control.errors import TORNADO_MISSING, UsageError
 from kachaka_simple_control.files.document import FileError
 from kachaka_simple_control.files.robot_profile import find_robot
 from kachaka_simple_control.kachaka.program import (
@@ -46,6 +45,13 @@ from kachaka_simple_control.kachaka.program import (
     simulation_parameters,
     simulation_words,
 )
+from kachaka_simple_control.process.exit_codes import (
+    BAD_USAGE,
+    DONE,
+    FAULTED,
+    OneLineParser,
+    SIGNALLED,
+)
 from kachaka_simple_control.text import escaped, quoted
 
 if TYPE_CHECKING:
@@ -53,9 +59,6 @@ if TYPE_CHECKING:
 
 PROGRAM = 'kachaka_console'
 PORT = 8400
-TORNADO_MISSING = (
-    'the page needs tornado, which is missing here; install it with: pip install '
-    "'kachaka_simple_control[console]', or sudo apt install python3-tornado")
 ROS_ARGUMENTS = '--ros-args'
 #: How long the server goes on after a drive beside it has ended, to send the end to all pages [s].
 LAST_MESSAGES = 0.3

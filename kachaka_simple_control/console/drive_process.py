@@ -33,7 +33,7 @@ import sys
 from typing import Any, Literal
 
 from kachaka_simple_control.console.command_pipe import CommandPipe
-from kachaka_simple_control.console.protocol import (
+from kachaka_simple_control.files.protocol import (
     Alive,
     Answer,
     Hand,
@@ -49,9 +49,9 @@ from kachaka_simple_control.console.protocol import (
     Stop,
     write_line,
 )
-from kachaka_simple_control.control.output import has_room, STDERR
-from kachaka_simple_control.control.processes import child_environment, python_command
-from kachaka_simple_control.control.timing import POLL_PERIOD
+from kachaka_simple_control.process.output import has_room, STDERR
+from kachaka_simple_control.process.processes import child_environment, python_command
+from kachaka_simple_control.process.waiting import POLL_PERIOD
 from kachaka_simple_control.text import escaped
 
 #: The module of the drive process.

@@ -23,12 +23,13 @@ import re
 import secrets
 import stat
 
-from kachaka_simple_control.console.messages import MAX_SIZE
 from kachaka_simple_control.console.page_protocol import Motion
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.files.document import PACKAGE
-from kachaka_simple_control.files.library import LESSON, lesson_motion, library, SUFFIX
+from kachaka_simple_control.files.library import LESSON, lesson_motion, library
+from kachaka_simple_control.files.messages import MAX_SIZE
 from kachaka_simple_control.files.motion_file import dump
+from kachaka_simple_control.files.yaml_document import SUFFIX
 from kachaka_simple_control.text import quoted
 
 #: The name of a file: no folder, and no hidden file or option.

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from typing import Generic, TypeVar
 
-from kachaka_simple_control.console.protocol import StateName
+from kachaka_simple_control.files.protocol import StateName
 
 #: The lease ends after so long without input [s].
 IDLE_TIME = 60.0

@@ -24,10 +24,10 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
-from kachaka_simple_control.console.messages import Message
 from kachaka_simple_control.console.page_protocol import PageState, StateChanges
-from kachaka_simple_control.console.protocol import Log
 from kachaka_simple_control.console.security import HAND_RATE, OTHER_RATE, RateLimit
+from kachaka_simple_control.files.messages import Message
+from kachaka_simple_control.files.protocol import Log
 
 #: How many lines of the log a new page gets.
 LOG_LENGTH = 50

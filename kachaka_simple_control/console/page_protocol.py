@@ -17,7 +17,7 @@ The messages between the page and the console, over the WebSocket ``/ws``.
 Each message is a JSON object with the keys ``v`` (1) and ``type``, in one text message.  The
 page's first message is ``hello``; the console answers with ``welcome``, the whole ``state`` and,
 once it is known, ``robot``.  Messages that the drive process has as well, such as ``stop`` and
-``hand``, are those of ``protocol.py``.
+``hand``, are those of ``files/protocol.py``.
 
 A page message with an ``id`` gets exactly one ``answer`` with the same number, except ``preview``,
 ``open`` and ``list``, which get a ``preview``, ``file`` or ``motions`` instead, or an ``answer``
@@ -25,7 +25,7 @@ with ``is_done`` false.  The page chooses the numbers, each once for a connectio
 the rate limit gets no answer.  A message that is invalid is answered by a ``log``, and nothing
 else happens.  ``take``, ``release``, ``run``, ``resume``, ``speed`` and ``record`` need the lease.
 
-Tested by test/console/test_protocol.py.
+Tested by test/files/test_protocol.py.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-from kachaka_simple_control.console.messages import by_type, from_json, Message
-from kachaka_simple_control.console.protocol import (
+from kachaka_simple_control.files.messages import by_type, from_json, Message
+from kachaka_simple_control.files.protocol import (
     Answer,
     Hand,
     Id,

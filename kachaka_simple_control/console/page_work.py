@@ -38,7 +38,7 @@ from kachaka_simple_control.console.page_protocol import (
     SaveFile,
 )
 from kachaka_simple_control.console.preview import PreviewWorker
-from kachaka_simple_control.console.protocol import Request
+from kachaka_simple_control.files.protocol import Request
 
 T = TypeVar('T')
 

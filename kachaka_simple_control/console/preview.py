@@ -26,19 +26,18 @@ import contextlib
 import subprocess
 import sys
 
-from kachaka_simple_control.analysis.paths import sample_path
-from kachaka_simple_control.analysis.plan_view import PlanView
-from kachaka_simple_control.console.messages import from_json, to_json
 from kachaka_simple_control.console.page_protocol import AskPreview, LineError, Plan, Preview
-from kachaka_simple_control.control.processes import (
+from kachaka_simple_control.errors import ControlError
+from kachaka_simple_control.files.document import FileError, is_path
+from kachaka_simple_control.files.messages import from_json, to_json
+from kachaka_simple_control.files.motion_file import loads, MotionFile
+from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
+from kachaka_simple_control.motion.paths import floor_area, sample_path
+from kachaka_simple_control.process.processes import (
     child_environment,
     lower_priority,
     python_command,
 )
-from kachaka_simple_control.errors import ControlError
-from kachaka_simple_control.files.document import FileError, is_path
-from kachaka_simple_control.files.motion_file import loads, MotionFile
-from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 
 #: A worker that takes longer is ended [s].
 PATIENCE = 10.0
@@ -60,9 +59,7 @@ def preview(number: int, text: str, robot: str | None = None, name: str = 'motio
     try:
         file = loads(text, name)
         profile = _profile(file, robot)
-        order = file.order(profile, file.rate or DEFAULT_RATE, closed_loop=False)
-        view = PlanView(
-            file.motion.name, profile.name, order.plan, order.limits, profile.footprint)
+        plan = file.order(profile, file.rate or DEFAULT_RATE, closed_loop=False).plan
     except FileError as error:
         problems = error.problems[:MAX_ERRORS]
         return Preview(number, tuple(LineError(part.line, str(part)) for part in problems), None)
@@ -70,10 +67,10 @@ def preview(number: int, text: str, robot: str | None = None, name: str = 'motio
         return Preview(number, (LineError(None, str(error)),), None)
     points = tuple(
         (round(pose.x, 4), round(pose.y, 4), round(pose.theta, 4))
-        for pose in sample_path(view.plan, most=MAX_POINTS))
-    (x0, y0), (x1, y1) = view.floor.corners
+        for pose in sample_path(plan, most=MAX_POINTS))
+    (x0, y0), (x1, y1) = floor_area(plan, profile.footprint).corners
     return Preview(number, (), Plan(
-        points, (x0, y0, x1, y1), view.plan.duration, len(view.plan.steps)))
+        points, (x0, y0, x1, y1), plan.duration, len(plan.steps)))
 
 
 def _profile(file: MotionFile, robot: str | None) -> RobotProfile:

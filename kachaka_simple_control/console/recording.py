@@ -25,9 +25,9 @@ from kachaka_simple_control.console.folder import MAX_TEXT
 from kachaka_simple_control.console.open_pages import OpenPages, Page
 from kachaka_simple_control.console.page_protocol import Recorded
 from kachaka_simple_control.console.page_work import in_thread
-from kachaka_simple_control.console.protocol import Log
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.motion_file import dump
+from kachaka_simple_control.files.protocol import Log
 from kachaka_simple_control.motion.steps import Motion, Move
 
 #: How long a recording waits for the last segments after its end [s].

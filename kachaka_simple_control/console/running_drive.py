@@ -26,7 +26,7 @@ import os
 import signal
 
 from kachaka_simple_control.console.drive_process import DriveProcess, STREAM_LIMIT
-from kachaka_simple_control.console.protocol import Log, Report
+from kachaka_simple_control.files.protocol import Log, Report
 
 
 class RunningDrive(DriveProcess):

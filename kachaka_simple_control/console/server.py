@@ -23,9 +23,7 @@ import socket
 from typing import Any
 
 from kachaka_simple_control.console.console import Console
-from kachaka_simple_control.console.messages import Message, MessageError, to_json
 from kachaka_simple_control.console.page_protocol import MAX_SENT
-from kachaka_simple_control.console.protocol import Log
 from kachaka_simple_control.console.reports import Reports
 from kachaka_simple_control.console.security import (
     Access,
@@ -36,6 +34,8 @@ from kachaka_simple_control.console.security import (
     Tokens,
 )
 from kachaka_simple_control.files.document import PACKAGE
+from kachaka_simple_control.files.messages import Message, MessageError, to_json
+from kachaka_simple_control.files.protocol import Log
 import tornado.httpserver
 import tornado.netutil
 import tornado.web

@@ -34,13 +34,13 @@ import threading
 import weakref
 
 from kachaka_simple_control.control.preparation import Moment, pause, Steps
-from kachaka_simple_control.control.processes import call_in_forked_children, is_running
 from kachaka_simple_control.control.timing import (
     CLAIM_ANSWER_TIMEOUT,
     CLAIM_RETRY_PERIOD,
     CLAIM_TIMEOUT,
     GUARDIAN_LEAVE_TIMEOUT,
 )
+from kachaka_simple_control.process.processes import call_in_forked_children, is_running
 
 #: The binary format of the result of ``SO_PEERCRED``: the numbers of process, user and group.
 CREDENTIALS = struct.Struct('3i')

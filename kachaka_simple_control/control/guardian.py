@@ -36,7 +36,6 @@ from kachaka_simple_control.control.guardian_memory import (
     SharedFlag,
 )
 from kachaka_simple_control.control.preparation import Moment, Steps, until
-from kachaka_simple_control.control.processes import boottime, call_in_forked_children
 from kachaka_simple_control.control.timing import (
     GUARDIAN_EXIT_TIMEOUT,
     GUARDIAN_START_TIMEOUT,
@@ -45,6 +44,7 @@ from kachaka_simple_control.control.timing import (
 )
 from kachaka_simple_control.control.watchdog import GuardianMessage, GuardianWatch
 from kachaka_simple_control.errors import HELD_UP_ADVICE, RunFaultError, UsageError
+from kachaka_simple_control.process.processes import boottime, call_in_forked_children
 
 #: How long the node waits for space in the guardian's socket when it adds a robot [s].  The
 #: socket is full after 200 robots, and the guardian reads nothing while it starts.

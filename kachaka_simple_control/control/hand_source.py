@@ -20,13 +20,13 @@ import math
 import threading
 
 from kachaka_simple_control.control.events import VelocityKind
-from kachaka_simple_control.control.processes import boottime
 from kachaka_simple_control.control.speed_factor import is_hold
 from kachaka_simple_control.control.tick_scheduler import Tick
 from kachaka_simple_control.control.timing import HAND_LEASE_TIME, HAND_PERIOD
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.process.processes import boottime
 
 #: A command that is valid for less than this time is over: a shorter tick would be a rounding
 #: error [s].

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import time
 from typing import Generic, TypeVar
 
-from kachaka_simple_control.control.timing import POLL_PERIOD
+from kachaka_simple_control.process.waiting import POLL_PERIOD
 
 ResultT = TypeVar('ResultT')
 

@@ -17,7 +17,9 @@ All periods and timeouts that are important for safety [s], each with its reason
 "Measured" means: in the benchmarks; see ``docs/safety.md`` and ``docs/benchmarks.md``.  "Maker"
 means: from the public repository pf-robotics/kachaka-api.  "Chosen" means: by the authors of this
 package.  The command timeout and the duration of manual control depend on the robot, and are in
-``files/robot_profile.py``.  Tested by test/control/test_robot_drive.py.
+``files/robot_profile.py``; SIGNAL_DEBOUNCE is in ``process/signals.py``.
+
+Tested by test/control/test_robot_drive.py.
 """
 
 # --- Sending velocities -----------------------------------------------------------------------
@@ -25,8 +27,6 @@ package.  The command timeout and the duration of manual control depend on the r
 #: Longest time between two heartbeats and fault checks in the thread that drives.  A stop wakes
 #: this thread at once.  Chosen: a quarter of HEARTBEAT_TIMEOUT.
 CHECK_PERIOD = 0.025
-#: How often a wait checks its condition if nothing can wake the waiting thread.  Chosen.
-POLL_PERIOD = 0.02
 #: If a velocity is sent later than one period plus this time after the one before, the drive ends.
 #: Chosen: equal to HEARTBEAT_TIMEOUT, so that the node and the guardian have the same limit.
 MAX_LATENESS = 0.1
@@ -62,9 +62,6 @@ STANDSTILL_ANGULAR = 0.02
 #: Odometry older than this does not show the current motion.  Chosen: longer than ten samples of a
 #: Kachaka take.
 ODOMETRY_MAX_AGE = 0.3
-#: For this time after the first signal, further signals do not interrupt the main thread: a second
-#: Ctrl+C must not end the stop early.  Chosen: longer than a stop.
-SIGNAL_DEBOUNCE = 3.0
 
 # --- Guardian -----------------------------------------------------------------------------------
 

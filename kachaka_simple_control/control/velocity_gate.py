@@ -23,8 +23,6 @@ import time
 
 from kachaka_simple_control.control.events import Event, VelocityKind, VelocitySent
 from kachaka_simple_control.control.guardian_memory import Latch, SharedFlag
-from kachaka_simple_control.control.processes import boottime
-from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import PUBLISH_TIMEOUT
 from kachaka_simple_control.errors import (
     ControlError,
@@ -35,6 +33,8 @@ from kachaka_simple_control.errors import (
 )
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.process.processes import boottime
+from kachaka_simple_control.process.signals import signal_dispatcher
 
 
 class GateState(Enum):

@@ -31,13 +31,13 @@ import termios
 import threading
 import time
 
-from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.events import DriveState, Event, VelocitySent
-from kachaka_simple_control.control.output import make_blocking, STDERR
-from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.display.drive_status import DriveStatus, DriveTracker, STEP, StepStatus
 from kachaka_simple_control.motion.units import format_number
+from kachaka_simple_control.process import processes
+from kachaka_simple_control.process.output import make_blocking, STDERR
+from kachaka_simple_control.process.waiting import wait_until
 from kachaka_simple_control.telemetry.subscriber_process import decode
 from kachaka_simple_control.text import one_line, pluralize
 

@@ -33,9 +33,9 @@ import termios
 import threading
 import time
 
-from kachaka_simple_control.control import processes
-from kachaka_simple_control.control.output import has_room, STDERR
 from kachaka_simple_control.errors import ControlError
+from kachaka_simple_control.process import processes
+from kachaka_simple_control.process.output import has_room, STDERR
 from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
 
 _SAVE, _RESTORE = '\x1b7', '\x1b8'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Read motions and robot profiles from YAML files, and write motions to YAML files.
+What is written and read: motions and robots as YAML, lines of the pipe as JSON, messages in CDR.
 
-Error messages name the file and the line.
+Error messages about a YAML file name the file and the line.
 """

@@ -32,7 +32,7 @@ from typing import Any
 from kachaka_simple_control.errors import ControlError, InvalidMotionError
 from kachaka_simple_control.files.wording import step_advice
 from kachaka_simple_control.motion.units import QUANTITIES, Quantity, UnitError
-from kachaka_simple_control.text import quoted
+from kachaka_simple_control.text import location, quoted
 
 #: The largest number of problems that an error message shows.
 MAX_LINES = 20
@@ -106,6 +106,7 @@ class FileError(ControlError):
         self.source = source
         distinct = dict.fromkeys(problems)
         self.problems = tuple(sorted(distinct, key=lambda problem: problem.line or 0))
+        self.begins_with_line = bool(self.problems) and self.problems[0].line is not None
         super().__init__(format_problems(source, self.problems))
 
     @classmethod
@@ -152,15 +153,6 @@ def is_path(name_or_path: str) -> bool:
     that comes with the package.
     """
     return bool(set(name_or_path) & {'.', '/', os.sep})
-
-
-def location(source: str, line: int | None) -> str:
-    """
-    Return a place in a file as ``file:line``, which terminals and editors show as a link.
-
-    :param line: the line number, counted from 1; None to return only the name of the file
-    """
-    return source if line is None else f'{source}:{line}'
 
 
 def format_path(path: KeyPath) -> str:

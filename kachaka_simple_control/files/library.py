@@ -24,23 +24,12 @@ import ast
 from importlib.resources import files
 import inspect
 import os
-from pathlib import Path
 
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.files.document import (
-    is_path,
-    MotionFileError,
-    nearest,
-    Node,
-    PACKAGE,
-    Problem,
-    UnreadableFileError,
-)
+from kachaka_simple_control.files.document import MotionFileError, Node
 from kachaka_simple_control.files.motion_file import loads, MotionFile
-from kachaka_simple_control.files.yaml_document import decode, read_text
+from kachaka_simple_control.files.yaml_document import look_up, names_in
 from kachaka_simple_control.motion.steps import Motion, Move
-
-SUFFIX = '.yaml'
 
 
 def library() -> list[str]:
@@ -62,35 +51,6 @@ def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
     with MotionFileError.naming(os.fspath(name_or_path)):
         source, text = look_up(name_or_path, 'motions', library())
     return loads(text, source)
-
-
-def names_in(folder: str) -> list[str]:
-    """Return the sorted names of the YAML files in a folder of the package, without ``.yaml``."""
-    found = (entry.name for entry in files(PACKAGE).joinpath(folder).iterdir())
-    return sorted(name.removesuffix(SUFFIX) for name in found if name.endswith(SUFFIX))
-
-
-def look_up(
-        name_or_path: str | os.PathLike[str], folder: str, known: list[str]) -> tuple[str, str]:
-    """
-    Read a file of this package by its name, or any file by its path.
-
-    :param name_or_path: a text without dots and slashes is a name; any other value is a path
-    :param known: all names that the error message lists if there is no file of the given name
-    :raises UnreadableFileError: if there is no such file, or it cannot be read
-    """
-    name = os.fspath(name_or_path)
-    if not isinstance(name_or_path, str) or is_path(name):
-        return name, read_text(name)
-    if name not in names_in(folder):
-        is_here = Path(name + SUFFIX).is_file()
-        near = f'./{name}{SUFFIX}' if is_here else nearest(name, known)
-        raise UnreadableFileError(Problem(
-            f'there is no {folder.removesuffix("s")} of this name'
-            f'{f"; did you mean {near!r}?  Known are" if near else "; known are"} '
-            f'{", ".join(known)}; a file of your own is named by its path, as in ./mine{SUFFIX}'))
-    entry = files(PACKAGE) / folder / (name + SUFFIX)
-    return str(entry), decode(entry.read_bytes())
 
 
 LESSON = 'lesson'

@@ -30,7 +30,6 @@ from kachaka_simple_control.files.document import (
     Document,
     is_path,
     KeyPath,
-    location,
     MotionFileError,
     Node,
     parse_path,
@@ -65,6 +64,7 @@ from kachaka_simple_control.motion.units import (
 
 # Imported so that the steps are known.
 import kachaka_simple_control.motion.waypoints  # noqa: F401
+from kachaka_simple_control.text import location
 
 POINT = PointField()
 

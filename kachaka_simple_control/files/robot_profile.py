@@ -194,7 +194,7 @@ class RobotFileError(FileError, UsageError):
 
 def robots() -> list[str]:
     """Return the names of the robots whose profiles come with the package, sorted by name."""
-    from kachaka_simple_control.files.library import names_in
+    from kachaka_simple_control.files.yaml_document import names_in
     return sorted([KACHAKA.name, *names_in('robots')])
 
 
@@ -210,7 +210,7 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
     if name_or_path == KACHAKA.name:
         return KACHAKA
     # Import here: these modules load slowly, and the lesson does not need them.
-    from kachaka_simple_control.files.library import look_up
+    from kachaka_simple_control.files.yaml_document import look_up
     with RobotFileError.naming(os.fspath(name_or_path)):
         source, text = look_up(name_or_path, 'robots', robots())
     with RobotFileError.naming(source):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Read YAML texts of limited size, and return their values with line numbers.
+Find and read YAML files of limited size, and return their values with line numbers.
 
 Tested by test/files/test_hostile_files.py.
 """
@@ -21,8 +21,10 @@ from __future__ import annotations
 
 import codecs
 from collections.abc import Iterator
+from importlib.resources import files
 import math
 import os
+from pathlib import Path
 import re
 import stat
 from typing import Any
@@ -31,8 +33,11 @@ from kachaka_simple_control.files.document import (
     Document,
     format_path,
     INSTALL,
+    is_path,
     MAX_PROBLEMS,
+    nearest,
     Node,
+    PACKAGE,
     Problem,
     Schema,
     UnreadableFileError,
@@ -41,6 +46,7 @@ from kachaka_simple_control.files.wording import wide_lines
 from kachaka_simple_control.motion.units import DIGITS, point_advice
 from kachaka_simple_control.text import quoted
 
+SUFFIX = '.yaml'
 #: The largest file that is read [bytes].
 MAX_BYTES = 1_000_000
 #: The characters that YAML forbids, and the line breaks that editors do not count as lines.
@@ -57,6 +63,35 @@ _REASONS: dict[type[Exception], str] = {
     PermissionError: 'you are not allowed to read this file',
     ValueError: 'no file can have this name',
     OSError: 'it cannot be read: {0.strerror}'}
+
+
+def names_in(folder: str) -> list[str]:
+    """Return the sorted names of the YAML files in a folder of the package, without ``.yaml``."""
+    found = (entry.name for entry in files(PACKAGE).joinpath(folder).iterdir())
+    return sorted(name.removesuffix(SUFFIX) for name in found if name.endswith(SUFFIX))
+
+
+def look_up(
+        name_or_path: str | os.PathLike[str], folder: str, known: list[str]) -> tuple[str, str]:
+    """
+    Read a file of this package by its name, or any file by its path.
+
+    :param name_or_path: a text without dots and slashes is a name; any other value is a path
+    :param known: all names that the error message lists if there is no file of the given name
+    :raises UnreadableFileError: if there is no such file, or it cannot be read
+    """
+    name = os.fspath(name_or_path)
+    if not isinstance(name_or_path, str) or is_path(name):
+        return name, read_text(name)
+    if name not in names_in(folder):
+        is_here = Path(name + SUFFIX).is_file()
+        near = f'./{name}{SUFFIX}' if is_here else nearest(name, known)
+        raise UnreadableFileError(Problem(
+            f'there is no {folder.removesuffix("s")} of this name'
+            f'{f"; did you mean {near!r}?  Known are" if near else "; known are"} '
+            f'{", ".join(known)}; a file of your own is named by its path, as in ./mine{SUFFIX}'))
+    entry = files(PACKAGE) / folder / (name + SUFFIX)
+    return str(entry), decode(entry.read_bytes())
 
 
 def read_text(path: str | os.PathLike[str]) -> str:

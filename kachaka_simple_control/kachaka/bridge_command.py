@@ -30,12 +30,8 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from kachaka_simple_control.control.output import make_log_nonblocking
-from kachaka_simple_control.control.processes import ended_after
-from kachaka_simple_control.control.signals import ShutdownEvent
 from kachaka_simple_control.control.timing import SHUTDOWN_TIMEOUT
 from kachaka_simple_control.errors import RobotNotFoundError, RobotTakenError
-from kachaka_simple_control.exit_codes import BAD_USAGE, FAULTED, NO_ROBOT, OneLineParser
 from kachaka_simple_control.kachaka.bridge_process import PARTICIPANT
 from kachaka_simple_control.kachaka.program import (
     add_parent_option,
@@ -49,6 +45,10 @@ from kachaka_simple_control.kachaka.program import (
 )
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+from kachaka_simple_control.process.exit_codes import BAD_USAGE, FAULTED, NO_ROBOT, OneLineParser
+from kachaka_simple_control.process.output import make_log_nonblocking
+from kachaka_simple_control.process.processes import ended_after
+from kachaka_simple_control.process.signals import ShutdownEvent
 from kachaka_simple_control.ros.dds_transport import use_udp_transport
 from kachaka_simple_control.ros.environment import require_middleware
 from kachaka_simple_control.ros.names import MAX_NAMESPACE_LENGTH, require_namespace

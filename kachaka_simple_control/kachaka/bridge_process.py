@@ -23,13 +23,10 @@ import threading
 import time
 from typing import ClassVar
 
-from kachaka_simple_control.analysis.drive_log import DriveLog
-from kachaka_simple_control.control import processes
-from kachaka_simple_control.control.output import print_result
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError, UsageError
-from kachaka_simple_control.exit_codes import NO_ROBOT
 from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
-from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
+from kachaka_simple_control.process import processes
+from kachaka_simple_control.process.exit_codes import NO_ROBOT
 from kachaka_simple_control.text import escaped
 
 #: The longest time for the process to end after SIGTERM [s].
@@ -203,7 +200,7 @@ class BridgeProcess:
 
 class OwnSimulation:
     """
-    A simulated Kachaka that a node starts for itself; at its end, a table of motions is printed.
+    A simulated Kachaka that a node starts for itself.
 
     :param profile: that of the robot that the node drives; it must be a Kachaka
     :raises UsageError: if it is not, or an earlier node of this process has one in this namespace
@@ -221,25 +218,11 @@ class OwnSimulation:
                 'destroy_node() first, or choose another robot_namespace')
         self._running.add(namespace)
         self._namespace = namespace
-        self._bridge: BridgeProcess | None = BridgeProcess(['--sim', '--namespace', namespace])
+        self._bridge = BridgeProcess(['--sim', '--namespace', namespace])
         #: returns the identifier of the robot's DDS participant, for ``Session.require_robot()``
         self.require_participant = self._bridge.require_participant
 
-    def end(self, drive_log: DriveLog, stop_confirmed_after: float | None) -> None:
-        """
-        End the simulated robot, and print a table of the driven motions, if any; only once.
-
-        It has requested, sent and reported distance or angle of each.
-
-        :param stop_confirmed_after: from the start of the last stop to standstill by odometry [s];
-            None if odometry did not show it
-        :raises RunFaultError: if the table cannot be printed, such as to a full disk
-        """
-        bridge, self._bridge = self._bridge, None
-        if bridge is None:
-            return
-        bridge.end()
+    def end(self) -> None:
+        """End the simulated robot."""
+        self._bridge.end()
         self._running.discard(self._namespace)
-        if drive_log.steps:
-            print_result(
-                drive_table(drive_log, stop_confirmed_after, terminal_columns()), 'the table')

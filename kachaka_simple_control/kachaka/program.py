@@ -25,11 +25,11 @@ from dataclasses import dataclass, fields
 import errno
 import sys
 
-from kachaka_simple_control.control.signals import ShutdownEvent
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.exit_codes import DONE
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.units import parse_number, UnitError
+from kachaka_simple_control.process.exit_codes import DONE
+from kachaka_simple_control.process.signals import ShutdownEvent
 from kachaka_simple_control.text import escaped, quoted
 
 #: The port of the robot's gRPC service (docs/GRPC.md in pf-robotics/kachaka-api).

@@ -24,8 +24,6 @@ import sys
 import threading
 import time
 
-from kachaka_simple_control.control.signals import ShutdownEvent
-from kachaka_simple_control.exit_codes import BAD_USAGE, FAULTED, OneLineParser
 from kachaka_simple_control.kachaka.program import (
     add_parent_option,
     add_simulation_options,
@@ -37,6 +35,8 @@ from kachaka_simple_control.kachaka.program import (
     simulation_parameters,
 )
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+from kachaka_simple_control.process.exit_codes import BAD_USAGE, FAULTED, OneLineParser
+from kachaka_simple_control.process.signals import ShutdownEvent
 from kachaka_simple_control.text import escaped, quoted
 
 PROGRAM = 'kachaka_sim'

@@ -15,8 +15,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +195,40 @@ def outline(footprint: Footprint, pose: Pose) -> list[Point]:
     return [transform_point(corner, pose) for corner in footprint.corners()]
 
 
+def outlines(footprint: Footprint | None, poses: Iterable[Pose]) -> list[Point]:
+    """
+    Return the corners of a robot's outline at each of several poses [m].
+
+    :param footprint: the robot's outline from above; if it is None, only the positions of the
+        poses are returned
+    """
+    if footprint is None:
+        return [(pose.x, pose.y) for pose in poses]
+    return [corner for pose in poses for corner in outline(footprint, pose)]
+
+
 def transform_point(point: Point, pose: Pose) -> Point:
     """Return x and y of a point that is given relative to a pose [m]."""
     transformed = compose(pose, Pose(*point))
     return transformed.x, transformed.y
+
+
+class Area(NamedTuple):
+    """
+    A rectangle on the floor, parallel to the axes.
+
+    :param left: the smallest x [m]
+    :param bottom: the smallest y [m]
+    :param width: the size along x [m]
+    :param height: the size along y [m]
+    """
+
+    left: float
+    bottom: float
+    width: float
+    height: float
+
+    @property
+    def corners(self) -> tuple[Point, Point]:
+        """Return the lower left and the upper right corner of the rectangle [m]."""
+        return (self.left, self.bottom), (self.left + self.width, self.bottom + self.height)

@@ -28,10 +28,10 @@ from typing import Any
 
 from kachaka_simple_control.analysis.drive_log import MotionLog
 from kachaka_simple_control.analysis.message_timing import Quantiles
-from kachaka_simple_control.analysis.paths import simplify
 from kachaka_simple_control.analysis.step_results import Result, StepResult
 from kachaka_simple_control.analysis.summary import signal_name, SpeedInterval, Summary
 from kachaka_simple_control.motion.geometry import Displacement, Pose
+from kachaka_simple_control.motion.paths import simplify
 from kachaka_simple_control.report.map_plot import path_lines
 
 #: Increases when a field is removed or changes its meaning; new fields may be added at any time.

@@ -25,9 +25,16 @@ import math
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive
-from kachaka_simple_control.analysis.paths import distinct, PathPart, simplify, step_segments
-from kachaka_simple_control.analysis.plan_view import Area, outlines
-from kachaka_simple_control.motion.geometry import Footprint, ORIGIN, Point, Pose, transform_point
+from kachaka_simple_control.motion.geometry import (
+    Area,
+    Footprint,
+    ORIGIN,
+    outlines,
+    Point,
+    Pose,
+    transform_point,
+)
+from kachaka_simple_control.motion.paths import distinct, PathPart, simplify, step_segments
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     Colour,

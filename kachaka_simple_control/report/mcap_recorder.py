@@ -26,7 +26,6 @@ from pathlib import Path
 from textwrap import indent
 from typing import Any, cast, NamedTuple, TYPE_CHECKING
 
-from kachaka_simple_control.analysis.paths import sample_path
 from kachaka_simple_control.control.events import (
     Event,
     MotionPlanned,
@@ -36,9 +35,10 @@ from kachaka_simple_control.control.events import (
     SpeedFactorChanged,
     VelocitySent,
 )
+from kachaka_simple_control.files import cdr
 from kachaka_simple_control.motion.geometry import ORIGIN
+from kachaka_simple_control.motion.paths import sample_path
 from kachaka_simple_control.report.output_file import CrashSafeFile, NEEDS_MCAP
-from kachaka_simple_control.telemetry import cdr
 
 if TYPE_CHECKING:
     from mcap.writer import Writer

@@ -22,7 +22,10 @@ import os
 from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.analysis.flows import cut_corners
-from kachaka_simple_control.analysis.paths import (
+from kachaka_simple_control.analysis.plan_view import PlanView
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.motion.geometry import Area, ORIGIN, outline, Pose, transform_point
+from kachaka_simple_control.motion.paths import (
     ArcSegment,
     distinct,
     PathPart,
@@ -30,9 +33,6 @@ from kachaka_simple_control.analysis.paths import (
     step_segments,
     uncut_path,
 )
-from kachaka_simple_control.analysis.plan_view import Area, PlanView
-from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.motion.geometry import ORIGIN, outline, Pose, transform_point
 from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.map_plot import (
     draw_arrows,

@@ -38,11 +38,11 @@ from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.control.events import Event, SessionEnded, VelocityKind, VelocitySent
 from kachaka_simple_control.control.guardian_memory import GuardianMemory
-from kachaka_simple_control.control.output import make_nonblocking, STDERR
-from kachaka_simple_control.control.processes import lower_priority
-from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import ZERO
+from kachaka_simple_control.process.output import make_nonblocking, STDERR
+from kachaka_simple_control.process.processes import lower_priority
+from kachaka_simple_control.process.waiting import wait_until
 from kachaka_simple_control.report.drive_plots import draw_drive_plots, DrivePlots
 from kachaka_simple_control.report.html_page import render_page
 from kachaka_simple_control.report.json_export import run_json

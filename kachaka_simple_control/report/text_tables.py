@@ -33,11 +33,11 @@ from kachaka_simple_control.analysis.step_results import (
     step_results,
     StepResult,
 )
-from kachaka_simple_control.control.output import STDOUT
 from kachaka_simple_control.motion.geometry import Displacement
 from kachaka_simple_control.motion.limits import Limits, SAME_AS
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
 from kachaka_simple_control.motion.units import format_number
+from kachaka_simple_control.process.output import STDOUT
 from kachaka_simple_control.text import cut, format_fixed, one_line, pluralize, width_of
 
 #: The largest width of a table [columns]; most terminals show it without wrapping.

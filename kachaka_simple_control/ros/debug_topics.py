@@ -27,7 +27,6 @@ import time
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
-from kachaka_simple_control.analysis.paths import MAX_POSES, PoseHistory, sample_path
 from kachaka_simple_control.control.diagnosis import Diagnosis
 from kachaka_simple_control.control.events import (
     Event,
@@ -36,12 +35,13 @@ from kachaka_simple_control.control.events import (
     VelocitySent,
 )
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.files.cdr import PathSerializer
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity
+from kachaka_simple_control.motion.paths import MAX_POSES, PoseHistory, sample_path
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.endpoints import with_qos_overrides
 from kachaka_simple_control.ros.names import DIAGNOSTICS
-from kachaka_simple_control.telemetry.cdr import PathSerializer
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.publisher import Publisher

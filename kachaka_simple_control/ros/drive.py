@@ -14,7 +14,7 @@
 """
 A drive of one or more robots: all get ready, then all begin at one t = 0, or none moves.
 
-Tested by test/ros/test_robot.py.
+Tested by test/ros/test_drive_of_several.py.
 """
 
 from __future__ import annotations

@@ -25,12 +25,12 @@ from dataclasses import replace
 import sys
 from typing import Any
 
-from kachaka_simple_control.control.closing import Closers
-from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
-from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import DISCOVERY_TIMEOUT
 from kachaka_simple_control.errors import RunFaultError
 from kachaka_simple_control.files.robot_profile import ANY_TYPE
+from kachaka_simple_control.process.closing import Closers
+from kachaka_simple_control.process.output import discard_unread, make_log_nonblocking
+from kachaka_simple_control.process.signals import signal_dispatcher
 from kachaka_simple_control.ros.commander import Commander
 from kachaka_simple_control.ros.drive_services import DriveServices
 from kachaka_simple_control.ros.executors import before_shutdown

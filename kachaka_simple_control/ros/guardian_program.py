@@ -37,13 +37,10 @@ import time
 
 from kachaka_simple_control.control.guardian_memory import GuardianMemory, RobotSlot
 from kachaka_simple_control.control.preparation import complete
-from kachaka_simple_control.control.processes import boottime, is_stopped
-from kachaka_simple_control.control.signals import run_in_threads, wakeup_pipe
 from kachaka_simple_control.control.stop import stop_steps
 from kachaka_simple_control.control.timing import (
     DISCOVERY_RETRY_TIMEOUTS,
     GUARDIAN_EXIT_TIMEOUT,
-    POLL_PERIOD,
 )
 from kachaka_simple_control.control.watchdog import (
     GuardianMessage,
@@ -52,6 +49,9 @@ from kachaka_simple_control.control.watchdog import (
 )
 from kachaka_simple_control.errors import HELD_UP_ADVICE
 from kachaka_simple_control.motion.geometry import ZERO
+from kachaka_simple_control.process.processes import boottime, is_stopped
+from kachaka_simple_control.process.signals import run_in_threads, wakeup_pipe
+from kachaka_simple_control.process.waiting import POLL_PERIOD
 from kachaka_simple_control.ros.endpoints import own_participant, participants
 from kachaka_simple_control.ros.publisher_search import start_publisher_search
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher

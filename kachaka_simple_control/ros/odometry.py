@@ -21,11 +21,11 @@ import math
 import threading
 import time
 
+from kachaka_simple_control.files.cdr import read_odometry
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.ros import executors
 from kachaka_simple_control.ros.endpoints import with_qos_overrides
 from kachaka_simple_control.ros.names import RobotNames
-from kachaka_simple_control.telemetry.cdr import read_odometry
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data

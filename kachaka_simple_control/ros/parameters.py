@@ -27,6 +27,7 @@ from kachaka_simple_control.control.timing import MAX_RATE, min_rate
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.motion.units import number_advice, UnitError
+from kachaka_simple_control.process.version import installed_version, ros_distro
 from kachaka_simple_control.ros.names import (
     MAX_NAMESPACE_LENGTH,
     names_of,
@@ -39,7 +40,6 @@ from kachaka_simple_control.ros.node_parameters import (
     ROS_PARAMETERS,
 )
 from kachaka_simple_control.text import escaped, quoted
-from kachaka_simple_control.version import installed_version, ros_distro
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node

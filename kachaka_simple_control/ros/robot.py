@@ -30,13 +30,13 @@ from kachaka_simple_control.control.events import OdometryReceived
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.preparation import complete, Moment, Steps
 from kachaka_simple_control.control.robot_drive import RobotDrive
-from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.tick_scheduler import VelocitySource
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.process.signals import signal_dispatcher
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.hub import Hub
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 import threading
 from weakref import WeakKeyDictionary
 
-from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.drive_monitor import LeaseRenewer
 from kachaka_simple_control.control.events import VelocityKind
 from kachaka_simple_control.control.guardian import Guardian, GuardianProcess, NullGuardian
@@ -42,6 +41,7 @@ from kachaka_simple_control.control.timing import (
 )
 from kachaka_simple_control.errors import MotionRefusedError, RobotTakenError, RunFaultError
 from kachaka_simple_control.files.robot_profile import RobotProfile
+from kachaka_simple_control.process import processes
 from kachaka_simple_control.ros.executors import BackgroundExecutor
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient

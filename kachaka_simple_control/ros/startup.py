@@ -26,8 +26,8 @@ import os
 import re
 import sys
 
-from kachaka_simple_control.control.output import print_only_on_success
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.process.output import print_only_on_success
 from kachaka_simple_control.ros.dds_transport import use_udp_transport, will_share_memory
 from kachaka_simple_control.ros.environment import check_environment, use_log_folder
 from kachaka_simple_control.ros.names import (

@@ -24,9 +24,9 @@ from typing import Any
 
 from geometry_msgs.msg import Twist, TwistStamped
 from kachaka_simple_control.control.sent_messages import SentMessages
-from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
+from kachaka_simple_control.process.waiting import wait_until
 from kachaka_simple_control.ros.conversions import twist
 from rclpy.node import Node
 from rclpy.serialization import serialize_message

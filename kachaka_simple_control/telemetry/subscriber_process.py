@@ -27,15 +27,15 @@ import threading
 import time
 from typing import Any, BinaryIO, IO
 
-from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.events import (
     Event,
     MotionPlanned,
     SessionEnded,
     SessionStarted,
 )
-from kachaka_simple_control.control.output import has_room
-from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.process import processes
+from kachaka_simple_control.process.output import has_room
+from kachaka_simple_control.process.signals import signal_dispatcher
 from kachaka_simple_control.telemetry.event_bus import EventBus
 
 #: The largest write that a pipe accepts either completely or not at all [bytes].  On Linux this is

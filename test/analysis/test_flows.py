@@ -25,7 +25,9 @@ from kachaka_simple_control.analysis.flows import (
     is_in_flow,
     repetition_key,
 )
-from kachaka_simple_control.analysis.paths import (
+from kachaka_simple_control.analysis.plan_view import estimate_sleep_loop
+from kachaka_simple_control.motion.geometry import distance_between
+from kachaka_simple_control.motion.paths import (
     arc_segments,
     ArcSegment,
     BEND,
@@ -34,8 +36,6 @@ from kachaka_simple_control.analysis.paths import (
     step_segments,
     uncut_path,
 )
-from kachaka_simple_control.analysis.plan_view import estimate_sleep_loop
-from kachaka_simple_control.motion.geometry import distance_between
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Repeat
 from plans import GENTLE, SQUARE

@@ -24,7 +24,7 @@ import kachaka_simple_control
 from kachaka_simple_control.commands import drive_or_preview
 from kachaka_simple_control.commands.cli import Options, parse, split_ros_arguments
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.version import ros_distro
+from kachaka_simple_control.process.version import ros_distro
 from program import COMMAND, environment
 import pytest
 

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.real_time
 ASK = """
 import sys, time
 from kachaka_simple_control.commands.drive_or_preview import confirm
-from kachaka_simple_control.run_command import run_command
+from kachaka_simple_control.process.run_command import run_command
 print('begun', flush=True)
 time.sleep(float(sys.argv[1]))
 sys.exit(run_command(lambda: confirm('1.00 m x 2.00 m', 'Mark it.  ') or print('drives')))
@@ -33,7 +33,7 @@ sys.exit(run_command(lambda: confirm('1.00 m x 2.00 m', 'Mark it.  ') or print('
 ASK_BESIDE_A_THREAD = """
 import signal, sys, threading, time
 from kachaka_simple_control.commands.drive_or_preview import confirm
-from kachaka_simple_control.run_command import run_command
+from kachaka_simple_control.process.run_command import run_command
 threading.Thread(target=time.sleep, args=(60.0,), daemon=True).start()
 signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
 sys.exit(run_command(lambda: confirm('1.00 m x 2.00 m')))

@@ -22,8 +22,8 @@ import sys
 
 from benchmarks.console_matrix.raw_client import RawClient
 from kachaka_simple_control.console.console_command import PORT
-from kachaka_simple_control.control.processes import is_running
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.process.processes import is_running
 from program import children_of, COMMAND, environment, find_process, Program
 import pytest
 from waiting import poll, wait_until

@@ -29,9 +29,9 @@ import sys
 import time
 from typing import Any
 
-from kachaka_simple_control.console.messages import Message, to_json
 from kachaka_simple_control.console.page_protocol import Hello, Lease
-from kachaka_simple_control.console.protocol import Stop, Take
+from kachaka_simple_control.files.messages import Message, to_json
+from kachaka_simple_control.files.protocol import Stop, Take
 from optional_libraries import optional_imports
 from waiting import wait_until
 

@@ -33,8 +33,9 @@ import signal
 import sys
 import time
 
-from kachaka_simple_control.console.messages import MessageError
-from kachaka_simple_control.console.protocol import (
+from kachaka_simple_control.console.reports import PAGE
+from kachaka_simple_control.files.messages import MessageError
+from kachaka_simple_control.files.protocol import (
     Alive,
     Answer,
     Command,
@@ -56,7 +57,6 @@ from kachaka_simple_control.console.protocol import (
     Take,
     write_line,
 )
-from kachaka_simple_control.console.reports import PAGE
 
 PERIOD = 0.05
 LEASE = 0.25

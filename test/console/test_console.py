@@ -25,7 +25,6 @@ from kachaka_simple_control.console.console import Console
 from kachaka_simple_control.console.drive_process import DriveProcess
 from kachaka_simple_control.console.folder import Folder
 from kachaka_simple_control.console.lease import IDLE_TIME
-from kachaka_simple_control.console.messages import Message, to_json
 from kachaka_simple_control.console.page_protocol import (
     Hello,
     Lease,
@@ -35,8 +34,9 @@ from kachaka_simple_control.console.page_protocol import (
     StateChanges,
 )
 from kachaka_simple_control.console.preview import PreviewWorker
-from kachaka_simple_control.console.protocol import Pause, Speed, Take
 from kachaka_simple_control.console.reports import Reports
+from kachaka_simple_control.files.messages import Message, to_json
+from kachaka_simple_control.files.protocol import Pause, Speed, Take
 import pytest
 from scripted_console import drive_command as scripted
 

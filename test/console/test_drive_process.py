@@ -26,7 +26,7 @@ from typing import Any
 
 from kachaka_simple_control.console import drive_process
 from kachaka_simple_control.console.drive_process import DriveProcess
-from kachaka_simple_control.console.protocol import (
+from kachaka_simple_control.files.protocol import (
     Hand,
     Log,
     Pause,

@@ -18,7 +18,7 @@ from __future__ import annotations
 from typing import get_args
 
 from kachaka_simple_control.console.lease import HandLease, IDLE_TIME
-from kachaka_simple_control.console.protocol import StateName
+from kachaka_simple_control.files.protocol import StateName
 import pytest
 
 

@@ -34,11 +34,11 @@ from kachaka_simple_control.console.page_protocol import (
     SaveFile,
     Start,
 )
-from kachaka_simple_control.console.protocol import Hand, Pause, Release, Resume, Speed, Stop, Take
 from kachaka_simple_control.console.security import (
     HEADERS,
     MAX_MESSAGE,
 )
+from kachaka_simple_control.files.protocol import Hand, Pause, Release, Resume, Speed, Stop, Take
 from optional_libraries import optional_imports
 import pytest
 

@@ -21,10 +21,10 @@ import tempfile
 from kachaka_simple_control.control.guardian import begin_heartbeat, GuardianProcess
 from kachaka_simple_control.control.guardian_memory import GuardianMemory
 from kachaka_simple_control.control.preparation import complete
-from kachaka_simple_control.control.processes import boottime, is_running
 from kachaka_simple_control.control.timing import CHECK_PERIOD, GUARDIAN_TIMEOUT
 from kachaka_simple_control.control.watchdog import GuardianMessage
 from kachaka_simple_control.errors import RunFaultError
+from kachaka_simple_control.process.processes import boottime, is_running
 import pytest
 from waiting import wait_until
 

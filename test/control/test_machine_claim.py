@@ -24,7 +24,7 @@ import uuid
 
 from kachaka_simple_control.control.claims import ClaimedError, MachineClaim
 from kachaka_simple_control.control.preparation import complete
-from kachaka_simple_control.control.processes import is_stopped
+from kachaka_simple_control.process.processes import is_stopped
 from program import environment
 import pytest
 from waiting import wait_until

@@ -19,7 +19,6 @@ import signal
 import threading
 
 from fake_time import FakePublisher, FakeTime
-from kachaka_simple_control.control import signals
 from kachaka_simple_control.control.events import VelocityKind, VelocitySent
 from kachaka_simple_control.control.guardian_memory import Latch, SharedFlag
 from kachaka_simple_control.control.velocity_gate import VelocityGate
@@ -27,6 +26,7 @@ from kachaka_simple_control.errors import HELD_UP_ADVICE, MotionRefusedError, Ru
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.process import signals
 import pytest
 
 FORWARD = Velocity(0.1, 0.0)

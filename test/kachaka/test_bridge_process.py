@@ -21,10 +21,10 @@ import subprocess
 import sys
 import time
 
-from kachaka_simple_control.control import processes
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError
 from kachaka_simple_control.kachaka import bridge_process as module
 from kachaka_simple_control.kachaka.bridge_process import simulated_bridge
+from kachaka_simple_control.process import processes
 from program import environment, ROOT
 import pytest
 from waiting import TIMEOUT, wait_until
@@ -49,7 +49,7 @@ with simulated_bridge('/orphan') as process:
 #: A signal comes before the bridge serves; serving no node would raise an error.
 ENDED_EARLY = """
 import os, signal
-from kachaka_simple_control.control.signals import ShutdownEvent
+from kachaka_simple_control.process.signals import ShutdownEvent
 from kachaka_simple_control.kachaka.bridge_command import _serve
 with ShutdownEvent() as shutdown:
     assert not shutdown.is_set

@@ -20,7 +20,7 @@ from pathlib import Path
 import signal
 import time
 
-from kachaka_simple_control.control.processes import is_running
+from kachaka_simple_control.process.processes import is_running
 from kachaka_simple_control.report.mcap_recorder import FIELDS
 from program import children_of, COMMAND, find_process, program
 import pytest

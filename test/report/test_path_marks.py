@@ -16,8 +16,8 @@
 from itertools import combinations
 import math
 
-from kachaka_simple_control.analysis.paths import step_segments
 from kachaka_simple_control.analysis.summary import Summary
+from kachaka_simple_control.motion.paths import step_segments
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Repeat, Turn
 from kachaka_simple_control.report.map_plot import MAX_LABELS, step_places
 from outcome_logs import done, faulted, lesson, never_began

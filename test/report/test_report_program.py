@@ -21,7 +21,6 @@ import sys
 import time
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
-from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.events import (
     MotionEnded,
     MotionPlanned,
@@ -35,6 +34,7 @@ from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.process import processes
 from kachaka_simple_control.report import report_program
 from kachaka_simple_control.report.output_file import prepare_report_dir, REPORT_MODULE
 from kachaka_simple_control.telemetry.event_bus import EventBus
@@ -101,7 +101,7 @@ SEND_EVENTS = """
 import os, signal, sys
 from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
-from kachaka_simple_control.control import processes
+from kachaka_simple_control.process import processes
 from test_report_program import BEGINNING, drive, reporter_of
 process = reporter_of(sys.argv[1])
 for event in [*BEGINNING, *drive(200, 10.1)]:

@@ -19,8 +19,8 @@ import signal
 import subprocess
 import time
 
-from kachaka_simple_control.control.processes import is_running, is_stopped
 from kachaka_simple_control.errors import HELD_UP_ADVICE
+from kachaka_simple_control.process.processes import is_running, is_stopped
 from program import children_of, COMMAND, find_process, program, script
 import pytest
 from waiting import wait_until

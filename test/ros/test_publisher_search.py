@@ -23,9 +23,9 @@ import time
 
 from kachaka_simple_control.control.guardian import GuardianProcess
 from kachaka_simple_control.control.preparation import complete
-from kachaka_simple_control.control.processes import child_environment, python_command
 from kachaka_simple_control.control.velocity_gate import GateState
 from kachaka_simple_control.errors import RobotNotFoundError
+from kachaka_simple_control.process.processes import child_environment, python_command
 from optional_libraries import MISSING, optional_imports
 import pytest
 from waiting import wait_until

@@ -23,7 +23,6 @@ import weakref
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control import drive_monitor
 from kachaka_simple_control.control.drive_loop import DriveLoop
-from kachaka_simple_control.control.processes import is_running
 from kachaka_simple_control.errors import (
     InvalidMotionError,
     MotionRefusedError,
@@ -32,6 +31,7 @@ from kachaka_simple_control.errors import (
 )
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Move
+from kachaka_simple_control.process.processes import is_running
 from optional_libraries import optional_imports
 import pytest
 from waiting import wait_until

@@ -17,7 +17,7 @@ import os
 import signal
 import time
 
-from kachaka_simple_control.control.processes import is_running
+from kachaka_simple_control.process.processes import is_running
 from program import COMMAND, program, script
 import pytest
 from ros_support import bridge

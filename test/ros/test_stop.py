@@ -97,7 +97,7 @@ def test_a_script_need_not_initialise_ros(listener, tmp_path):
 def test_ctrl_c_in_the_middle_of_a_callback_releases_the_robot(listener, tmp_path):
     """While rclpy makes a callback's message: that blocks the callback's group for good."""
     text = """
-from kachaka_simple_control.control.signals import SignalDispatcher
+from kachaka_simple_control.process.signals import SignalDispatcher
 from rclpy.executors import Executor
 signalled = []
 SignalDispatcher._handle = lambda self, signum, frame: signalled.append(signum)

@@ -27,11 +27,11 @@ from kachaka_simple_control.control.events import (
     SessionEnded,
     VelocitySent,
 )
-from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import RunFaultError
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.process.signals import signal_dispatcher
 from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.event_file import EventFile
 from kachaka_simple_control.telemetry.subscriber_process import (

@@ -20,8 +20,8 @@ import struct
 
 from hypothesis import given
 from hypothesis import strategies as st
+from kachaka_simple_control.files.cdr import PathSerializer, read_odometry
 from kachaka_simple_control.motion.geometry import Pose, Velocity
-from kachaka_simple_control.telemetry.cdr import PathSerializer, read_odometry
 from optional_libraries import optional_imports
 import pytest
 

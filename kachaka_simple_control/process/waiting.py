@@ -22,7 +22,8 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
-from kachaka_simple_control.control.timing import POLL_PERIOD
+#: How often a wait checks its condition if nothing can wake the waiting thread [s].  Chosen.
+POLL_PERIOD = 0.02
 
 
 def wait_until(

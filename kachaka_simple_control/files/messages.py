@@ -17,7 +17,7 @@ Convert frozen dataclasses to JSON messages and back, and make their JSON Schema
 The types of the fields decide what a message may contain.  A message of another form is refused
 with one sentence, so code that receives a message need not check it again.
 
-Tested by test/console/test_protocol.py.
+Tested by test/files/test_protocol.py.
 """
 
 from __future__ import annotations

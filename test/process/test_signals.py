@@ -16,7 +16,7 @@
 import signal
 import time
 
-from kachaka_simple_control.control.signals import SignalDispatcher
+from kachaka_simple_control.process.signals import SignalDispatcher
 
 
 class RecordingHandler:

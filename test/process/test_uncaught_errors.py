@@ -17,12 +17,12 @@ import os
 import subprocess
 import sys
 
-from kachaka_simple_control.control.signals import TRACEBACK_VARIABLE
+from kachaka_simple_control.process.signals import TRACEBACK_VARIABLE
 import pytest
 
 START = """import sys
 from kachaka_simple_control import errors, files
-from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.process.signals import signal_dispatcher
 signal_dispatcher.handle_uncaught()
 """
 

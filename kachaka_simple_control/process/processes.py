@@ -30,7 +30,7 @@ import time
 from typing import Any
 import weakref
 
-from kachaka_simple_control.control.output import STDERR
+from kachaka_simple_control.process.output import STDERR
 
 #: The Python code of a child process.  It removes the empty entry of the search path, which means
 #: the current folder.  The reason: the user may start the program in the folder of this package,

@@ -16,7 +16,6 @@
 import signal
 
 from kachaka_simple_control.commands.drive_or_preview import main as drive_or_preview
-from kachaka_simple_control.control.signals import SignalDispatcher
 from kachaka_simple_control.errors import (
     InvalidMotionError,
     RobotNotFoundError,
@@ -24,7 +23,8 @@ from kachaka_simple_control.errors import (
     UsageError,
 )
 from kachaka_simple_control.files import library
-from kachaka_simple_control.run_command import run_command
+from kachaka_simple_control.process.run_command import run_command
+from kachaka_simple_control.process.signals import SignalDispatcher
 import pytest
 
 
@@ -63,13 +63,13 @@ def lesson(tmp_path, monkeypatch):
 def test_the_line_of_an_edited_lesson_is_named(duration, shown, lesson, capsys):
     lesson.write_text(
         f'def play_lesson(robot):\n    pass\n    robot.move_robot(0.1, 0.0, {duration})\n')
-    assert run_command(library.lesson_motion) == 2
+    assert run_command(library.lesson_motion, motion_function=library.LESSON_FUNCTION) == 2
     assert capsys.readouterr().err == f'{lesson}:3: duration is {shown}\n'
 
 
 def test_a_syntax_error_in_an_edited_lesson_is_named_with_its_line_alone(lesson, capsys):
     lesson.write_text('def play_lesson(robot):\n    robot.move_robot(0.1, 0.0, 1.0\n')
-    assert run_command(library.lesson_motion) == 1
+    assert run_command(library.lesson_motion, motion_function=library.LESSON_FUNCTION) == 1
     assert capsys.readouterr().err == f"{lesson}:2: '(' was never closed\n"
 
 
@@ -103,7 +103,7 @@ def test_a_signal_decides_the_exit_code_whatever_followed_from_it(
     """A run that a signal stopped fails in one way or another; only the unexpected is printed."""
     dispatcher = SignalDispatcher()
     dispatcher.signum = signal.SIGTERM
-    monkeypatch.setattr('kachaka_simple_control.run_command.signal_dispatcher', dispatcher)
+    monkeypatch.setattr('kachaka_simple_control.process.run_command.signal_dispatcher', dispatcher)
 
     def body():
         raise error

@@ -33,9 +33,8 @@ from traceback import extract_tb, walk_tb
 from types import FrameType, TracebackType
 from typing import Any, Protocol
 
-from kachaka_simple_control.control.timing import SIGNAL_DEBOUNCE
 from kachaka_simple_control.errors import ControlError
-from kachaka_simple_control.exit_codes import code_of, SIGNALLED
+from kachaka_simple_control.process.exit_codes import code_of, SIGNALLED
 from kachaka_simple_control.text import escaped, escaped_lines, MAX_LINE_LENGTH
 
 #: An error message does not name lines of code in these modules: this package, and the standard
@@ -46,6 +45,9 @@ OWN = {__name__.partition('.')[0], *sys.stdlib_module_names}
 TRACEBACK_VARIABLE = 'KACHAKA_SIMPLE_CONTROL_TRACEBACK'
 #: The signals that request a program to end.
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+#: For this time after the first signal [s], further signals do not interrupt the main thread: a
+#: second Ctrl+C must not end the stop early.  Chosen: longer than a stop.
+SIGNAL_DEBOUNCE = 3.0
 
 
 def wakeup_pipe() -> tuple[int, int]:

@@ -18,7 +18,7 @@ from __future__ import annotations
 import threading
 import time
 
-from kachaka_simple_control.control.closing import Closers
+from kachaka_simple_control.process.closing import Closers
 import pytest
 
 

@@ -20,26 +20,27 @@ import contextlib
 import sys
 import traceback
 
-from kachaka_simple_control.control.interrupts import raise_on_interrupt
-from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import ControlError, InvalidMotionError
-from kachaka_simple_control.exit_codes import code_of, DONE, SIGNALLED
-from kachaka_simple_control.files.document import FileError, location
-from kachaka_simple_control.files.library import LESSON_FUNCTION
-from kachaka_simple_control.text import escaped, escaped_lines, MAX_LINE_LENGTH
+from kachaka_simple_control.process.exit_codes import code_of, DONE, SIGNALLED
+from kachaka_simple_control.process.interrupts import raise_on_interrupt
+from kachaka_simple_control.process.signals import signal_dispatcher
+from kachaka_simple_control.text import escaped, escaped_lines, location, MAX_LINE_LENGTH
 
 #: The default name of the command.
 NAME = 'kachaka_simple_control'
 
 
 def run_command(
-        body: Callable[[], None], name: str = NAME, moves_robot: bool = True) -> int:
+        body: Callable[[], None], name: str = NAME, moves_robot: bool = True,
+        motion_function: str | None = None) -> int:
     """
     Run the function of a command, print an error in one line, and return the exit code.
 
     An error about a file may have several lines.  If the function fails, and then the stop of the
     robot fails too, both errors are printed.
 
+    :param motion_function: the name of a function; an invalid motion is reported with the line of
+        this function that has it
     :returns: the exit code; after a signal, always 128 plus the number of the signal
     """
     code = DONE
@@ -56,16 +57,16 @@ def run_command(
             # An error during a stop must not hide the error that caused the stop.
             with contextlib.suppress(OSError):  # such as a full disk
                 if isinstance(first, ControlError) and not error.__suppress_context__:
-                    print(_message(first, name, moves_robot), file=sys.stderr)
-                print(_message(error, name, moves_robot), file=sys.stderr)
+                    print(_message(first, name, moves_robot, motion_function), file=sys.stderr)
+                print(_message(error, name, moves_robot, motion_function), file=sys.stderr)
     return code if signal_dispatcher.signum is None else SIGNALLED + signal_dispatcher.signum
 
 
-def _message(error: Exception, name: str, moves_robot: bool) -> str:
-    if isinstance(error, FileError) and error.problems[0].line is not None:
-        # File and line come first, because many editors show them as a link.
+def _message(
+        error: Exception, name: str, moves_robot: bool, motion_function: str | None) -> str:
+    if isinstance(error, ControlError) and error.begins_with_line:
         return escaped_lines(error)
-    if isinstance(error, InvalidMotionError) and (line := _line_of_lesson(error)):
+    if isinstance(error, InvalidMotionError) and (line := _line_in(motion_function, error)):
         return f'{line}: {escaped(error, MAX_LINE_LENGTH)}'
     if isinstance(error, ControlError):
         return f'{name}: {escaped(error, MAX_LINE_LENGTH)}'
@@ -80,12 +81,8 @@ def _message(error: Exception, name: str, moves_robot: bool) -> str:
             f'({frame.filename}:{frame.lineno}){end}')
 
 
-def _line_of_lesson(error: Exception) -> str:
-    """
-    Return the line of the function ``play_lesson`` in which an error was raised.
-
-    :returns: the place as ``file:line``; an empty text if the error was not raised there
-    """
+def _line_in(function: str | None, error: Exception) -> str:
+    """Return the line of a function in which an error was raised, as ``file:line``, or nothing."""
     frames = traceback.extract_tb(error.__traceback__)
     return next((escaped(location(frame.filename, frame.lineno), MAX_LINE_LENGTH)
-                 for frame in reversed(frames) if frame.name == LESSON_FUNCTION), '')
+                 for frame in reversed(frames) if frame.name == function), '')

@@ -25,7 +25,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal
 
-from kachaka_simple_control.console.messages import (
+from kachaka_simple_control.files.messages import (
     by_type,
     from_json,
     MAX_INTEGER,

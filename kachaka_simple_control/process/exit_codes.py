@@ -14,7 +14,7 @@
 """
 The exit codes of the commands, and an argument parser that uses them.
 
-Tested by test/test_run_command.py.
+Tested by test/process/test_run_command.py.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.analysis.paths import simplify
+from kachaka_simple_control.motion.paths import simplify
 from kachaka_simple_control.report.plot_style import min_max_decimate
 import pytest
 

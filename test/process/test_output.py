@@ -22,8 +22,8 @@ import subprocess
 import sys
 import time
 
-from kachaka_simple_control.control.output import FLUSH_TIMEOUT
-from kachaka_simple_control.control.processes import is_running
+from kachaka_simple_control.process.output import FLUSH_TIMEOUT
+from kachaka_simple_control.process.processes import is_running
 from program import COMMAND, environment, fill, Program, QUICK_COMMAND, quick_drive
 import pytest
 from terminals import at_terminal
@@ -33,7 +33,7 @@ pytestmark = pytest.mark.real_time
 
 BEGIN = """
 import os, sys, time
-from kachaka_simple_control.control.output import make_nonblocking
+from kachaka_simple_control.process.output import make_nonblocking
 """
 
 

@@ -16,13 +16,13 @@
 import math
 
 from hypothesis import given
-from kachaka_simple_control.analysis.paths import (
+from kachaka_simple_control.motion.geometry import ORIGIN, outline, Pose
+from kachaka_simple_control.motion.paths import (
     arc_segments,
     ArcSegment,
     MAX_POINTS,
     polyline,
 )
-from kachaka_simple_control.motion.geometry import ORIGIN, outline, Pose
 from kachaka_simple_control.motion.steps import Arc, Motion, Move, Repeat
 from kachaka_simple_control.report.plot_style import velocity_steps
 from plans import BOX, HOUR, preview, QUARTER

@@ -20,9 +20,9 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.analysis.paths import PoseHistory, sample_path, SPACING, TURN
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose
+from kachaka_simple_control.motion.paths import PoseHistory, sample_path, SPACING, TURN
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move, Repeat
 import pytest

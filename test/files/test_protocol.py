@@ -22,18 +22,19 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 import kachaka_simple_control
-from kachaka_simple_control.console import page_protocol, protocol
-from kachaka_simple_control.console.messages import (
+from kachaka_simple_control.console import page_protocol
+from kachaka_simple_control.console.page_protocol import (
+    read_page_message,
+)
+from kachaka_simple_control.files import protocol
+from kachaka_simple_control.files.messages import (
     from_json,
     MAX_INTEGER,
     Message,
     MessageError,
     to_json,
 )
-from kachaka_simple_control.console.page_protocol import (
-    read_page_message,
-)
-from kachaka_simple_control.console.protocol import (
+from kachaka_simple_control.files.protocol import (
     COMMANDS,
     Hand,
     MAX_SIZE,
