@@ -60,6 +60,7 @@ def measure(scale: Scale) -> dict[str, Any]:
         'starts': startup_shutdown.measure_starts(scale),
         'signals': startup_shutdown.measure_signals(scale),
         'firsts': startup_shutdown.measure_firsts(scale),
+        'in_step': startup_shutdown.measure_in_step(scale),
         'timing': timing.measure_timing(scale),
         'planning': planning.measure_planning(scale.plans),
         'flows': planning.measure_flows(),

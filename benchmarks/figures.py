@@ -21,6 +21,7 @@ import math
 from typing import Any
 
 from kachaka_simple_control.analysis.message_timing import median, quantile
+from kachaka_simple_control.text import pluralize
 
 BOTH = 'SIGINT or SIGTERM to first zero'
 MANY = 'SIGINT to first zero, many in one process'
@@ -43,7 +44,7 @@ def figures(run: dict[str, Any]) -> list[Figure]:
     return [
         *(figure for entry in run['timing'] for figure in _timing(entry)),
         *_firsts(run['firsts']), *_starts(run['starts']), *_zeros(run),
-        *_planning(run.get('planning', ()))]
+        *_in_step(run.get('in_step', ())), *_planning(run.get('planning', ()))]
 
 
 def find(found: Sequence[Figure], what: str, loop: str) -> float | None:
@@ -108,10 +109,20 @@ def _zeros(run: dict[str, Any]) -> Iterator[Figure]:
         yield Figure(f'{what}, worst', loop, 1e3 * max(times), 'ms')
     times = _times(run['signals'])
     if times:
-        what = 'SIGINT to first zero, many in one process'
-        yield Figure(f'{what}, median', 'ours', 1e3 * median(times), 'ms')
-        yield Figure(f'{what}, p99', 'ours', 1e3 * quantile(times, 0.99), 'ms')
-        yield Figure(f'{what}, worst', 'ours', 1e3 * max(times), 'ms')
+        yield Figure(f'{MANY}, median', 'ours', 1e3 * median(times), 'ms')
+        yield Figure(f'{MANY}, p99', 'ours', 1e3 * quantile(times, 0.99), 'ms')
+        yield Figure(f'{MANY}, worst', 'ours', 1e3 * max(times), 'ms')
+
+
+def _in_step(entries: Sequence[dict[str, Any]]) -> Iterator[Figure]:
+    for count in dict.fromkeys(entry['robots'] for entry in entries):
+        ours = [entry for entry in entries if entry['robots'] == count]
+        what = pluralize(count, 'robot')
+        starts, apart = (_times(entry[key] for entry in ours) for key in ('start', 'apart'))
+        yield Figure(f'start to t = 0, median, {what}', 'ours', median(starts), 's')
+        yield Figure(f'first velocities apart, median, {what}', 'ours', 1e3 * median(apart), 'ms')
+        yield Figure(f'first velocities apart, worst, {what}', 'ours', 1e3 * max(apart), 'ms')
+        yield Figure(f'threads, {what}', 'ours', max(entry['threads'] for entry in ours), '')
 
 
 def _planning(entries: Sequence[dict[str, Any]]) -> Iterator[Figure]:
@@ -170,6 +181,10 @@ THRESHOLDS = (
     Threshold('SIGSTOP to first zero, worst', 150.0),
     Threshold('later match to t = 0, worst', 2.0),
     Threshold('start to t = 0, worst', 4.0),
+    Threshold('start to t = 0, median, 1 robot', 1.7),
+    Threshold('first velocities apart, worst, 2 robots', 3.0),
+    Threshold('first velocities apart, worst, 10 robots', 5.0),
+    *(Threshold(f'threads, {robots}', 12.0) for robots in ('1 robot', '10 robots')),
     Threshold('planning at 50 Hz, 1 h of motion', 1.0),
 )
 

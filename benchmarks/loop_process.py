@@ -16,7 +16,8 @@ The process of one loop; ``python -m benchmarks.loop_process NAME MODE RATE NAME
 
 Modes: ``serve`` reads movements from standard input; ``drive`` makes one long movement;
 ``lesson`` makes the first movements of the lesson; ``signals`` makes a new node after every
-signal.  The process writes one JSON value per line to standard output.
+signal; ``together`` drives all robots of a list of namespaces at once.  The process writes one
+JSON value per line to standard output.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ import time
 
 from benchmarks.loops import GIVEN_UP, Loop, LOOPS, Ours  # noqa: I100
 from benchmarks.resource_usage import ResourceMeter
+from kachaka_simple_control.motion.drive_order import DriveOrder
+from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.ros.drive_node import DriveNode
 import rclpy
 
 VELOCITY = 0.1
@@ -102,13 +106,32 @@ def signals(rate: float, namespace: str) -> None:
         loop.close()
 
 
+def together(rate: float, namespaces: str) -> None:
+    """Move several robots at once, and write the largest number of Python threads meanwhile."""
+    names, counts = namespaces.split(','), [0]
+    node = DriveNode('together', {name: {} for name in names})
+    motion = Motion('together', (Move(VELOCITY, 0.0, 0.5),))
+    orders = {robot: DriveOrder.of(motion, robot.settings.profile.planning_limits, rate)
+              for robot in node.robots.values()}
+    # The benchmark subscribes, too, and must not miss the first velocity.
+    while any(robot.publisher.get_subscription_count() < 2 for robot in orders):
+        time.sleep(0.01)
+    node.event_bus.subscribe(lambda _: counts.append(threading.active_count()), robot=names[0])
+    try:
+        node.commander.drive(orders)
+    finally:
+        node.destroy_node()
+        write(max(counts))
+
+
 def main() -> None:
     """Run the loop in the mode that the arguments name, and end like the lesson's program."""
     name, mode, rate, namespace = sys.argv[1], sys.argv[2], float(sys.argv[3]), sys.argv[4]
     meter = ResourceMeter()
     rclpy.init()
-    if mode == 'signals':
-        signals(rate, namespace)
+    if run := {'signals': signals, 'together': together}.get(mode):
+        run(rate, namespace)
+        return
     loop: Loop = LOOPS[name](rate, namespace)
     try:
         {'serve': serve, 'drive': drive, 'lesson': lesson}[mode](loop, meter)

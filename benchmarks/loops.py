@@ -24,7 +24,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from typing import Protocol
+from typing import TypeAlias
 
 from benchmarks.resource_usage import BILLION, sleep_until  # noqa: I100
 from geometry_msgs.msg import Twist
@@ -42,29 +42,6 @@ TOPIC = 'manual_control/cmd_vel'
 SERVICE = 'manual_control/set_enabled'
 #: The time of sending zeros before a measurement, until the reader has certainly matched [s].
 MATCH_TIME = 1.0
-
-
-class Loop(Protocol):
-    """The interface of a loop that holds a velocity for a time."""
-
-    @property
-    def has_matched(self) -> bool:
-        """Return whether the program has discovered the robot and can move it."""
-
-    def connect(self) -> None:
-        """Wait until the robot is discovered; this time is not measured."""
-
-    def move(self, velocity: float, duration: float) -> None:
-        """Hold a forward velocity [m/s] for a duration [s], then send a zero."""
-
-    def stop(self) -> None:
-        """Stop the robot as the program does at its end."""
-
-    def recover(self) -> None:
-        """Prepare to move again after a fault."""
-
-    def close(self) -> None:
-        """Destroy the node."""
 
 
 class Ours:
@@ -148,6 +125,10 @@ class _LoopNode(Node):
 
     def close(self) -> None:
         self.destroy_node()
+
+
+#: What holds a velocity for a time.
+Loop: TypeAlias = Ours | _LoopNode
 
 
 class LessonLoop(_LoopNode):

@@ -35,6 +35,7 @@ class Scale:
     The number of measurements of each kind.
 
     :param loaded: the number of 1 s movements of each loop on a loaded machine, by rate [Hz]
+    :param together: the number of starts of a program that drives several robots, by their number
     """
 
     moves: dict[int, int]
@@ -47,18 +48,19 @@ class Scale:
     signals: int
     firsts: int
     late: int
+    together: dict[int, int]
     plans: tuple[int, ...]
 
 
 FULL = Scale(
     moves={10: 50, 20: 50, 50: 50, 100: 50, 200: 5, 500: 5, 1000: 5},
     loaded={10: 5, 100: 5}, busy=2, turn=10, starts=20, killed=20, others=6, signals=200,
-    firsts=6, late=3, plans=(360, 3600, 36000))
+    firsts=6, late=3, together={1: 20, 2: 10, 10: 10}, plans=(360, 3600, 36000))
 #: The scale for a short run, and for continuous integration.
 QUICK = Scale(
     moves={10: 4, 100: 4, 1000: 1},
     loaded={100: 2}, busy=2, turn=2, starts=3, killed=2, others=1, signals=10,
-    firsts=1, late=1, plans=(360, 3600))
+    firsts=1, late=1, together={1: 3, 2: 2, 10: 2}, plans=(360, 3600))
 
 
 def today() -> str:

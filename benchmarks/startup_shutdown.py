@@ -11,12 +11,14 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Measure the time from the start to the first velocity, and from a signal to the first zero."""
+"""Measure the time to the first velocity, of several robots too, and from a signal to a zero."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+import contextlib
 import itertools
+import os
 import random
 import signal
 import time
@@ -25,7 +27,10 @@ from typing import Any
 from benchmarks.machine import busy
 from benchmarks.robot import LoopProcess, new_namespace, Robot, robots
 from benchmarks.run import Scale, show
+from benchmarks.stop_matrix.observer import Observer
 from benchmarks.wire import displacement, movements
+from ros_support import bridge
+from waiting import poll
 
 RATE = 10
 #: A zero that is not sent within this time counts as never sent [s].
@@ -161,3 +166,36 @@ def late_firsts(names: Sequence[str]) -> Iterator[float]:
 def moved(robot: Robot) -> float:
     """Return the displacement of all velocities that a robot received [m]."""
     return sum(displacement(rows) for rows in movements(robot.rows()))
+
+
+def measure_in_step(scale: Scale) -> list[dict[str, Any]]:
+    """Start a program that drives simulated robots, several times for each number of robots."""
+    return [entry for count, starts in scale.together.items() for entry in in_step(count, starts)]
+
+
+def in_step(count: int, starts: int) -> Iterator[dict[str, Any]]:
+    """
+    Start a program that drives robots, several times; yield what was measured.
+
+    That is the time from the start of the process to t = 0 and, at most, between the first
+    velocities of two robots [s], None if one did not move, and the number of Python threads.
+    """
+    with contextlib.ExitStack() as stack:
+        observer = Observer(int(os.environ['ROS_DOMAIN_ID']))
+        stack.callback(observer.close)
+        names = [new_namespace() for _ in range(count)]
+        recorders = [*map(observer.record, names)]
+        for name in names:
+            stack.enter_context(bridge('--namespace', f'/{name}'))
+        poll(lambda: all(each.odometry_count for each in recorders), MOTION_TIMEOUT)
+        for number in range(1, starts + 1):
+            show(f'ours: starts that drive {count}', number, starts)
+            with LoopProcess('ours', 'together', RATE, ','.join(names)) as process:
+                threads = process.read(MOTION_TIMEOUT)
+                process.wait(MOTION_TIMEOUT)
+            sent = [[one.time for one in each.sent_since(process.started) if one.moves]
+                    for each in recorders]
+            firsts = [times[0] for times in sent] if all(sent) else None
+            yield {'robots': count, 'threads': threads,
+                   'start': firsts and round(min(firsts) - process.started, 6),
+                   'apart': firsts and round(max(firsts) - min(firsts), 6)}

@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
@@ -31,6 +32,7 @@ from benchmarks.figures import (
     zeros,
 )
 from kachaka_simple_control.analysis.message_timing import median
+from kachaka_simple_control.text import pluralize
 
 TrialT = TypeVar('TrialT')
 NAMES = {
@@ -77,7 +79,7 @@ def tables(run: dict[str, Any]) -> list[Table]:
     found = figures(run)
     return [
         _thresholds(judge(found)), *_timing(found, run['timing']), _memory(found, run['timing']),
-        _firsts(found), _starts(found), _signals(run),
+        _firsts(found), _starts(found), _in_step(found, run.get('in_step', [])), _signals(run),
         _planning(run.get('planning', [])), _flows(run.get('flows', [])),
         _exactness(run.get('exactness', []))]
 
@@ -167,6 +169,19 @@ def _starts(found: Sequence[Figure]) -> Table:
     return Table('Until our program moves the robot [s]', ('', 'median', 'worst'), tuple(
         (what, *(number(find(found, f'{what}, {part}', 'ours')) for part in ('median', 'worst')))
         for what in ('start to t = 0', 'later match to t = 0')))
+
+
+def _in_step(found: Sequence[Figure], entries: list[dict[str, Any]]) -> Table:
+    counts = Counter(pluralize(entry['robots'], 'robot') for entry in entries)
+    return Table(
+        'Simulated robots that one program drives in step',
+        ('', 'starts', 'to t = 0, median [s]', 'first velocities apart, median [ms]', 'worst',
+         'Python threads'),
+        tuple((what, str(starts), *(
+            number(find(found, f'{part}, {what}', 'ours')) for part in (
+                'start to t = 0, median', 'first velocities apart, median',
+                'first velocities apart, worst', 'threads')))
+              for what, starts in counts.items()))
 
 
 def _signals(run: dict[str, Any]) -> Table:

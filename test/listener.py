@@ -122,6 +122,13 @@ class Listener:
         self._node.destroy_node()
         self._context.try_shutdown()
 
+    def also(self, namespace: str) -> None:
+        """Be another robot, too, of which nothing is recorded."""
+        self._node.create_subscription(
+            Twist, f'/{namespace}/manual_control/cmd_vel', lambda _: None, QUALITY)
+        self._node.create_service(
+            SetBool, f'/{namespace}/manual_control/set_enabled', self._answer)
+
     def leave(self) -> None:
         """Destroy the subscription."""
         self._node.destroy_subscription(self._subscription)

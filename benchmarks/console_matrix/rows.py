@@ -15,37 +15,18 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TypeAlias
 
 from benchmarks.console_matrix import faults, refusals
 from benchmarks.console_matrix.bursts import BurstRow
 from benchmarks.console_matrix.faults import HandRow
 from benchmarks.console_matrix.refusals import RefusalRow
 from benchmarks.console_matrix.replay import ReplayRow
-from benchmarks.console_matrix.stage import Stage
 from benchmarks.console_matrix.stops import EarlyStopRow, StopRow
-from benchmarks.console_matrix.trial import Expectation, STOP_LIMIT, Trial
+from benchmarks.console_matrix.trial import Expectation, STOP_LIMIT
 
 PAGE, LEASE, SERVER = 'the page', 'the lease', 'the console'
-
-
-class Row(Protocol):
-    """A row of the matrix."""
-
-    @property
-    def expectation(self) -> Expectation:
-        """Return the expected result, with the name of the row."""
-
-    @property
-    def full(self) -> int:
-        """Return the number of trials in the full form."""
-
-    @property
-    def quick(self) -> int:
-        """Return the number of trials in the quick form."""
-
-    def run(self, stage: Stage) -> Trial:
-        """Run one trial."""
+Row: TypeAlias = HandRow | BurstRow | StopRow | EarlyStopRow | ReplayRow | RefusalRow
 
 
 def _stop(what: str) -> Expectation:

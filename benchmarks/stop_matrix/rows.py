@@ -55,8 +55,9 @@ def _freeze(what: str, seconds: float, **more: int) -> Row:
 def _two(
         what: str, who: str, codes: tuple[int, ...], limit: float,
         inject: Callable[[TrialContext], float], script: str = scripts.TWO_ROBOTS) -> Row:
+    drive = 'drive' if script is scripts.IN_STEP else 'program'
     return Row(
-        Expectation(f'{what}, two robots in one program', who, codes, limit=limit), inject,
+        Expectation(f'{what}, two robots in one {drive}', who, codes, limit=limit), inject,
         script, robots=2, batch_size=2)
 
 
@@ -319,9 +320,11 @@ ROWS = (
                     limit=SIGNAL),
         pauses.push_and_ask('hold', 'release'), scripts.PUSHED, check=pauses.check_still_held,
         full=10),
-    _two('SIGINT', NODE, (130,), SIGNAL, faults.send_signals('SIGINT')),
-    _two('SIGKILL', GUARDIAN, (137,), KILLED, faults.send_signals('SIGKILL')),
-    _two('SIGSTOP', GUARDIAN, (), FROZEN, faults.send_signals('SIGSTOP')),
+    *(_two(name, who, codes, limit, faults.send_signals(name), script)
+      for script in (scripts.TWO_ROBOTS, scripts.IN_STEP)
+      for name, who, codes, limit in (
+          ('SIGINT', NODE, (130,), SIGNAL), ('SIGKILL', GUARDIAN, (137,), KILLED),
+          ('SIGSTOP', GUARDIAN, (), FROZEN))),
     _two('`sys.exit(3)` while other threads drive', NODE, (3,), EXIT, faults.own_fault,
          scripts.EXIT_OF_TWO),
     _two('exception while other threads drive', NODE, (1,), EXIT, faults.own_fault,

@@ -86,7 +86,7 @@ import threading
 from dataclasses import replace
 from kachaka_simple_control import KachakaSimpleControl
 from kachaka_simple_control.ros.robot import Robot
-on_odometry, pushed = Robot.on_odometry, []
+on_odometry, pushed = Robot._on_odometry, []
 
 def shifted(self, now, pose, velocity, is_new=True):
     on_odometry(self, now, replace(pose, x=pose.x + 0.5 * bool(pushed)), velocity, is_new)
@@ -101,7 +101,7 @@ def ask(robot):
     except Exception as error:
         print(error, flush=True)
 
-Robot.on_odometry = shifted
+Robot._on_odometry = shifted
 KachakaSimpleControl.push = lambda self: pushed.append(True)
 KachakaSimpleControl.ask_ten_times = ask_ten_times
 KachakaSimpleControl.hold = lambda self: self.speed.set('obstacle', 0.0)
@@ -222,6 +222,27 @@ threading.Thread(target=drive, args=(second,), daemon=True).start()
 first.move_robot(0.1, 0.0, DURATION)
 """
 
+#: Drives two robots of one node in one thread.
+IN_STEP = BEGIN + """
+import rclpy
+from kachaka_simple_control import Motion, Move
+from kachaka_simple_control.motion.drive_order import DriveOrder
+from kachaka_simple_control.ros.drive_node import DriveNode
+
+def drive(speed, duration):
+    motion = Motion('forward', (Move(speed, 0.0, duration),))
+    node.commander.drive({
+        robot: DriveOrder.of(motion, robot.settings.profile.planning_limits, 10.0)
+        for robot in node.robots.values()})
+
+rclpy.init()
+node = DriveNode('lab', {f'robot{number}': {'robot_namespace': robot}
+                         for number, robot in enumerate(os.environ['ROBOTS'].split())})
+drive(0.0, 0.2)
+wait_for_go()
+drive(0.1, DURATION)
+"""
+
 #: Drives two robots in other threads, and the main thread ends.
 EXIT_OF_TWO = TWO_ROBOTS.replace('first.move_robot(0.1, 0.0, DURATION)', """
 threading.Thread(target=drive, args=(first,), daemon=True).start()
@@ -336,10 +357,10 @@ from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.robot_connection import RobotConnection
 
 CONNECTED = Path(os.environ.get('CONNECTED', 'connected')).resolve()
-MachineClaim.take = lambda self, name, who: None
+MachineClaim.take = lambda self, moment, name, who: iter(())
 ForeignMessages.update = lambda self: False
 # As where no odometry shows that the robot moves already.
-RobotConnection._require_at_rest = lambda self, check: None
+RobotConnection._require_at_rest = lambda self, moment: iter(())
 robot_claim.is_localhost_only = lambda: False
 on_claim = Claims.on_claim
 Claims.on_claim = lambda self, claim, now: CONNECTED.exists() and on_claim(

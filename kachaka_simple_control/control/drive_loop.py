@@ -111,7 +111,7 @@ class DriveLoop:
 
         Each drive has begun already.  Afterwards, even after an error, the caller sends zero
         velocities to each robot until its command timeout has passed.  If an error ends one or all
-        of several drives, their robots get one zero velocity at once.
+        drives, their robots get one zero velocity at once.
 
         :param on_failure: called in this thread with a drive and the error that ended it; the
             others continue.  None: the error of one drive ends all
@@ -147,9 +147,10 @@ class DriveLoop:
                     if following:
                         on_end(drives[number])
         except BaseException as error:
-            # This includes KeyboardInterrupt.  If there is only one drive, the caller stops it.
-            for number in following if len(drives) > 1 else ():
-                drives[number].end(control_error(error))
+            # This includes KeyboardInterrupt.  No robot waits for the stop of another.
+            for number in following:
+                with contextlib.suppress(Exception):  # the caller's stop says why none can be sent
+                    drives[number].end(control_error(error))
             raise
 
     def _call_woken(self, drives: Sequence[RobotDrive], following: dict[int, float]) -> None:

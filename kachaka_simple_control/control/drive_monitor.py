@@ -317,8 +317,7 @@ class DriveMonitor:
                 f'paused for {self._pause_timeout:g} s (parameter pause_timeout): the motion was '
                 'ended, and the robot released')
         if now - self._graph_counted >= GRAPH_COUNT_PERIOD:
-            self._graph_counted = now
-            self.wait_for_dds(partial(self._check_graph, now))
+            self.wait_for_dds(partial(self.check_graph, now))
         if self._held_since is not None and not (
                 self._is_released or self._speed_factor.is_hold):
             self.wait_for_dds(partial(self._release, now))
@@ -351,7 +350,13 @@ class DriveMonitor:
         age = self._odometry.age(now)
         return age is not None and 0.0 < self._odometry_timeout < age
 
-    def _check_graph(self, now: float) -> None:
+    def check_graph(self, now: float) -> None:
+        """
+        Check by the ROS graph that the same robot subscribes, alone; ``check`` does so as well.
+
+        :raises RunFaultError: if the drive must not begin, or must end
+        """
+        self._graph_counted = now
         # While there are others, this node subscribes as well: if that began when the robot left,
         # no number has changed.
         if (self._robot.has_changed() or self._has_others

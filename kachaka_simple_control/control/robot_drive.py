@@ -235,8 +235,10 @@ class RobotDrive:
 
         :returns: False if there was no drive, or another call ended it before
         """
+        before = self.gate.permit
+        was_over = before is not None and before.ended_by is not None
         permit = self.gate.cancel(reason)
-        is_ended = permit is not None and permit.ended_by is reason
+        is_ended = permit is not None and permit.ended_by is reason and not was_over
         if is_ended:
             self.gate.send_zero(after=permit)
         return is_ended

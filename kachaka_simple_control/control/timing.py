@@ -36,6 +36,10 @@ MAX_RATE = 1000.0
 #: other nodes join.  The robot's command timeout still limits the gap between two velocities.
 PUBLISH_TIMEOUT = 0.5
 
+#: How long the first check of each robot for faults may take before t = 0 of a drive of several.
+#: Chosen: twice as long as it takes.
+FIRST_CHECK_TIME = 0.001
+
 # --- Stop ---------------------------------------------------------------------------------------
 
 #: Number of zero velocities that are sent without a pause at the start of a stop [messages].  It
@@ -184,6 +188,9 @@ FOREIGN_MESSAGE_MAX_AGE = 1.0
 #: time is longer than a robot moves after its last velocity: its command timeout, and the time to
 #: brake from 0.3 m/s.
 REST_TIMEOUT = 1.0
+#: How long a robot that was found late, at the end of ``robot_timeout``, may take to answer.
+#: Chosen.
+MIN_ANSWER_TIME = 1.0
 #: How long the search for velocity publishers takes after its node has joined the graph.  In this
 #: time the node joins three times.  Measured: all of 300 nodes found a publisher within 0.27 s.
 PUBLISHER_SEARCH_TIME = 0.55

@@ -65,7 +65,7 @@ def use_udp_transport() -> None:
     # With udp.xml, a participant announces itself 10 times per second for 5 s, then once per
     # second.  By default, Fast DDS sends 5 announcements, then one every 3 s.  With this default,
     # every second or third robot was discovered 3 s late.
-    # benchmarks/experiments/driven_robot.py measures how long a drive takes to start.
+    # ``make bench`` measures how long a drive takes to start.
     #
     # By default, the participants of one process discover each other without the network, and Fast
     # DDS sometimes loses one of them for good.  With our profiles, they use UDP for this.

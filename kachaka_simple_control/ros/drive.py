@@ -30,6 +30,7 @@ from kachaka_simple_control.control.guardian import begin_heartbeat
 from kachaka_simple_control.control.preparation import complete, Moment, Steps
 from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.tick_scheduler import VelocitySource
+from kachaka_simple_control.control.timing import FIRST_CHECK_TIME
 from kachaka_simple_control.control.velocity_gate import PortTime
 from kachaka_simple_control.errors import control_error, ControlError
 from kachaka_simple_control.motion.limits import Limits
@@ -78,6 +79,9 @@ class Drive:
         try:
             complete([partial(_prepare, task) for task in self._tasks], self._check)
             self._frozen.enter_context(old_objects_frozen())
+            # In the first round of the loop it would hold up the first velocity of the others.
+            for task in self._tasks:
+                _check_graph(task)
             self._loop = DriveLoop(
                 beat=begin_heartbeat(task.robot.guardian for task in self._tasks))
             port_time = PortTime()
@@ -85,7 +89,9 @@ class Drive:
                 gate = task.robot.gate
                 gate.port_time = port_time
                 gate.wake = partial(self._loop.wake, task.robot.drive)
-            t0 = time.monotonic()
+            # The first round of the loop checks all for faults, so that the second, at t0, only
+            # sends.
+            t0 = time.monotonic() + FIRST_CHECK_TIME * (len(self._tasks) - 1)
             for task in self._tasks:
                 task.robot.begin(task.source, t0, task.period, task.corrected)
             return partial(
@@ -154,6 +160,13 @@ class Drive:
 def _prepare(task: RobotTask, moment: Moment) -> Steps[None]:
     try:
         yield from task.robot.prepare(moment, is_closed_loop=task.corrected is not None)
+    except ControlError as error:
+        raise task.robot.named(error) from None
+
+
+def _check_graph(task: RobotTask) -> None:
+    try:
+        task.robot.monitor.check_graph(time.monotonic())
     except ControlError as error:
         raise task.robot.named(error) from None
 

@@ -318,7 +318,6 @@ class Robot:
             self.drive.end(reason)
 
 
-
 def _text(error: BaseException) -> str:
     """Return a text that says why a drive ended, for displays and logs."""
     if signal_dispatcher.signum is not None:

@@ -34,6 +34,7 @@ from kachaka_simple_control.control.timing import (
     FEEDBACK_MAX_AGE,
     FEEDBACK_START_TIMEOUT,
     GUARDIAN_PRIME_TIMEOUT,
+    MIN_ANSWER_TIME,
     ODOMETRY_WAIT_TIME,
     RELEASE_TIMEOUT,
     REST_TIMEOUT,
@@ -92,7 +93,7 @@ class RobotConnection:
         if not (self.is_taken and self.discovery.is_subscribed):
             yield from self._connect(moment)
         elif self.manual_control.is_needed and self.lease.is_stale(moment.now):
-            yield from self._enable_manual_control(moment)
+            yield from self._enable_manual_control(moment, self.parameters.robot_timeout)
 
     def release(self, moment: Moment) -> Steps[None]:
         """
@@ -114,6 +115,7 @@ class RobotConnection:
 
     def _connect(self, moment: Moment) -> Steps[None]:
         timeout = self.parameters.robot_timeout
+        end = moment.now + timeout
         yield from self.discovery.wait_for_robot(moment, timeout)
         # Take the claim before any message or request is sent.
         yield from self.claim.take(moment, lambda: self.discovery.is_alone)
@@ -128,8 +130,10 @@ class RobotConnection:
             raise
         self.claim.hold()
         if self.manual_control.is_needed:
-            yield from self._enable_manual_control(moment)
-        yield from self.discovery.wait_for_guardian(moment, timeout)
+            yield from self._enable_manual_control(
+                moment, max(MIN_ANSWER_TIME, round(end - moment.now, 1)))
+        yield from self.discovery.wait_for_guardian(
+            moment, max(MIN_ANSWER_TIME, round(end - moment.now, 1)))
         self.drive.gate.open()
         self.drive.connect(moment.now)
         yield from self._prime(moment)
@@ -168,9 +172,9 @@ class RobotConnection:
                 'or somebody pushes it; nothing was sent. Stop that, or set the parameter '
                 'allow_other_publishers to true')
 
-    def _enable_manual_control(self, moment: Moment) -> Steps[None]:
+    def _enable_manual_control(self, moment: Moment, timeout: float) -> Steps[None]:
         requested = moment.now
-        yield from self.manual_control.enable(moment, self.parameters.robot_timeout)
+        yield from self.manual_control.enable(moment, timeout)
         self.lease.granted(requested)
 
     def _prime(self, moment: Moment) -> Steps[None]:

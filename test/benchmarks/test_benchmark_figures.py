@@ -113,8 +113,10 @@ def a_run(**changes):
     starts.append({**starts[0], 'loop': 'lesson', 'zero': None})
     firsts = [{'loop': loop, 'late': late, 'arrived': 0.1}
               for loop in ('ours', 'lesson') for late in (False, True)]
+    in_step = [{'robots': count, 'start': 1.5, 'apart': 0.001 * count / 10, 'threads': 9}
+               for count in (1, 2, 10)]
     return {'date': '2026-01-01', 'moves': {}, 'machine': {'cores': '2'}, 'timing': timing,
-            'starts': starts, 'signals': [0.001, 0.002], 'firsts': firsts,
+            'starts': starts, 'signals': [0.001, 0.002], 'firsts': firsts, 'in_step': in_step,
             'planning': [{'length': 3600, 'steps': 9, 'segments': 99, 'time': 0.5, 'memory': 9.0}],
             'exactness': [
                 {'goal': 'turn', 'shape': 'S-curve', 'rate': 10, 'way': way, 'asked': 1.0,
@@ -134,6 +136,8 @@ def test_a_good_run_meets_every_threshold():
     ({'starts': []}, 5),
     ({'timing': []}, 3),
     ({'planning': []}, 1),
+    ({'in_step': []}, 5),
+    ({'in_step': [{'robots': 10, 'start': None, 'apart': None, 'threads': 13}]}, 5),
 ])
 def test_what_never_came_or_was_not_measured_misses_its_threshold(changes, missed):
     results = judge(figures(a_run(**changes)))

@@ -48,6 +48,19 @@ manual_control: null
 command_timeout: 0.3 s
 limits: {max_linear_velocity: 0.2 m/s, max_angular_velocity: 1 rad/s}
 """
+#: A module that each Python process imports at its start: it notes which of them plan a motion.
+COUNTED = """
+import importlib, os, pathlib
+module = importlib.import_module('kachaka_simple_control.motion.plan')
+plan = module.plan
+
+def counted(*given):
+    with (pathlib.Path(__file__).parent / 'planned').open('a') as file:
+        print(os.getpid(), file=file)
+    return plan(*given)
+
+module.plan = counted
+"""
 
 
 def assert_lines_of_the_end_came_once(text):
@@ -158,7 +171,11 @@ def test_a_simulation_of_another_robot_than_a_kachaka_is_refused(tmp_path):
     assert 'start a kachaka, not a turtlebot3' in line
 
 
-def test_repeated_drives_have_numbered_reports_to_compare(tmp_path):
+def test_repeated_drives_have_numbered_reports_to_compare(tmp_path, monkeypatch):
+    """Each is planned once, by the node; display and report, other processes, get its plan."""
+    (tmp_path / 'sitecustomize.py').write_text(COUNTED)
+    (tmp_path / 'planned').write_text('')
+    monkeypatch.setenv('PYTHONPATH', str(tmp_path))
     (tmp_path / 'short.yaml').write_text(SHORT)
     command = [*COMMAND, 'short.yaml', '--sim', '--repeat', '2', '--report', 'all']
     with program(command, tmp_path, tmp_path) as started:
@@ -166,6 +183,7 @@ def test_repeated_drives_have_numbered_reports_to_compare(tmp_path):
     assert 'drive 2 of 2' in started.text
     assert 'kachaka_compare all/* compares them' in started.text
     require_same([read_drive(tmp_path / 'all' / name) for name in '12'])
+    assert (tmp_path / 'planned').read_text() == f'{started.process.pid}\n' * 2
 
 
 def test_by_the_service_it_drives_and_stops(listener, tmp_path):

@@ -140,23 +140,42 @@ def test_a_robot_that_faults_ends_alone():
     assert fleet.sent[1][-1][1] == ZERO
 
 
+@pytest.mark.parametrize('count', [1, 5])
 @pytest.mark.parametrize('error', [RunFaultError('lost'), KeyboardInterrupt(), OSError('odd')])
-def test_whatever_ends_the_loop_each_robot_has_a_zero_at_once(error):
+def test_whatever_ends_the_loop_each_robot_has_a_zero_at_once(error, count):
     fake = FakeTime()
-    fleet = Fleet(5, fake.clock, fake.sleep)
+    fleet = Fleet(count, fake.clock, fake.sleep)
 
     def fail(now):
-        if len(fleet.sent[2]) == 4:
+        if len(fleet.sent[count // 2]) == 4:
             raise error
 
-    fleet.drives[2].monitor.check = fail
+    fleet.drives[count // 2].monitor.check = fail
     fleet.begin(fake.now)
     with pytest.raises(type(error)):
         fleet.loop.run(fleet.drives)
-    assert [fleet.sent[number][-1] for number in range(5)] == [(fake.now, ZERO)] * 5
+    assert [fleet.sent[number][-1] for number in range(count)] == [(fake.now, ZERO)] * count
     for drive in fleet.drives:
         with pytest.raises((RunFaultError, MotionRefusedError)):
             drive.step(fake.now)
+
+
+def test_a_port_that_fails_keeps_no_zero_from_the_others():
+    """And the loop raises what has ended it."""
+    fake = FakeTime()
+    fleet = Fleet(3, fake.clock, fake.sleep)
+    transmit = fleet.transmit
+
+    def fail(number, velocity):
+        if number == 1 and len(fleet.sent[0]) >= 4:
+            raise OSError('gone' if velocity == ZERO else 'lost')
+        transmit(number, velocity)
+
+    fleet.transmit = fail
+    fleet.begin(fake.now)
+    with pytest.raises(OSError, match='lost'):
+        fleet.loop.run(fleet.drives)
+    assert [fleet.sent[number][-1] for number in (0, 2)] == [(fake.now, ZERO)] * 2
 
 
 def test_a_change_of_the_source_while_it_is_asked_is_not_lost():

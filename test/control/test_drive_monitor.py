@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 import math
 import threading
@@ -125,7 +126,7 @@ def questions(duration, happen):
     lease.granted(0.0)
     answers['request'] = SimpleNamespace(done=True, refusal=None)
     monitor = DriveMonitor(
-        SimpleNamespace(check=question('check', enters_dds=False)), lease, port, port,
+        SimpleNamespace(check=question('guardian', enters_dds=False)), lease, port, port,
         StandstillDetector(), SimpleNamespace(odometry_timeout=0.0, pause_timeout=600.0),
         SpeedFactor())
     monitor.wait_for_dds = wait_for_dds
@@ -152,6 +153,16 @@ def test_each_count_is_followed_by_the_other_questions_after_a_change_and_with_o
         assert all(GRAPH_CHECK_PERIOD <= two - one <= longest for one, two in pairwise(rest))
 
 
+def test_what_was_asked_before_the_run_does_not_delay_its_first_velocity():
+    def ask(now, monitor, _):
+        if now == 0.0:
+            monitor.wait_for_dds(partial(monitor.check_graph, now))
+
+    asked = questions(1.0, ask)
+    assert asked['check_identity'] == [0.0]
+    assert asked['has_changed'][0] == 0.0 < asked['has_changed'][1]
+
+
 def test_only_what_enters_dds_is_no_gap():
     def hold(now, monitor, _):
         if now == 1.0:
@@ -161,6 +172,6 @@ def test_only_what_enters_dds_is_no_gap():
             monitor._speed_factor.set('obstacle', 1.0)
 
     asked = questions(41.0, hold)
-    assert len(asked['check']) == 41 * 64
+    assert len(asked['guardian']) == 41 * 64
     assert asked['request']
     assert len(asked['check_identity']) == len(asked['update']) + 1, 'once to end the hold'

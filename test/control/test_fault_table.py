@@ -253,9 +253,10 @@ def assert_stopped(robot, error):
     assert robot.states == [
         DriveState.WAITING, DriveState.DRIVING, *paused, DriveState.STOPPING,
         DriveState.CUT_SHORT]
-    # Only the first zero, which is sent at once, may come before the event.
+    # Our first zero, which is sent at once, comes before the event, and no other.
     stopping = robot.events.index(StateChanged(robot.stopper.stop_started, DriveState.STOPPING))
-    assert sum(event in zeros for event in robot.events[:stopping]) <= 1
+    assert sum(event in zeros and event.kind is VelocityKind.STOP
+               for event in robot.events[:stopping]) == 1
     assert [type(event) for event in robot.events
             if not isinstance(event, (VelocitySent, StateChanged, SpeedFactorChanged))] == [
         MotionStarted, StopConfirmed, MotionEnded]

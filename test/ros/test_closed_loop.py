@@ -169,7 +169,7 @@ def test_a_stamp_that_is_not_later_corrects_nothing(observer, make, robot):
     import rclpy
     node = make(robot=robot, closed_loop=True)
     taken = []
-    node._hub.readers[0].on_odometry = lambda now, pose, velocity, is_new: taken.append(
+    node.robot.reader.on_odometry = lambda now, pose, velocity, is_new: taken.append(
         (pose.x, velocity, is_new))
     publisher = observer.node.create_publisher(Odometry, '/kachaka/odometry/odometry', 10)
 

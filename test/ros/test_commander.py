@@ -22,9 +22,11 @@ import math
 import random
 import threading
 import time
+from unittest.mock import Mock
 
 from kachaka_simple_control.control.drive_requests import StopRequests
 from kachaka_simple_control.control.events import OdometryReceived, VelocitySent
+from kachaka_simple_control.control.preparation import pause
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.errors import ControlError, MotionRefusedError, PauseTimeoutError
 from kachaka_simple_control.files.robot_profile import KACHAKA
@@ -39,6 +41,7 @@ from waiting import wait_until
 NODE = ODOMETRY = TRANSIENT_LOCAL = MISSING
 with optional_imports():
     from kachaka_simple_control.ros import commander
+    from kachaka_simple_control.ros.commander import Commander
     from rcl_interfaces.msg import Parameter as ParameterMessage
     from rcl_interfaces.msg import ParameterValue
     from rcl_interfaces.srv import SetParameters, SetParametersAtomically
@@ -461,3 +464,20 @@ def test_to_begin_anew_keeps_a_pause_or_a_speed_that_came_later(make, change, ke
     change(node)
     node.commander.begin_anew(changes, 0.8)
     assert dict(node.speed.factors) == kept
+
+
+def test_fifty_robots_whose_ports_take_a_fifth_of_a_second_are_closed_in_that_time():
+    released = []
+
+    def release(moment):
+        yield from pause(moment, 0.2, 'its answer')
+        released.append(moment)
+
+    robots = [Mock(release=release) for _ in range(50)]
+    for robot in robots:
+        robot.stopper.steps = lambda moment, reason: (_ for _ in ())
+        robot.stopper.unconfirmed.return_value = None
+    began = time.monotonic()
+    Commander(Mock(), robots).close()
+    assert time.monotonic() - began < 0.6
+    assert len(released) == 50

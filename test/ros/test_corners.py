@@ -36,8 +36,8 @@ def test_a_parameter_above_0_replaces_the_corners_of_a_motion(
         make, monkeypatch, parameters, in_motion, used):
     orders = []
 
-    def drive(order, request):
-        orders.append((order, request))
+    def drive(given, request):
+        orders.append((*given.values(), request))
         raise SeenError
 
     node = make(**parameters)

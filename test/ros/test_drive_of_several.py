@@ -16,12 +16,17 @@
 from __future__ import annotations
 
 import contextlib
+from pathlib import Path
+import sys
 import threading
 import time
+import traceback
 
+import kachaka_simple_control
 from kachaka_simple_control.errors import MotionStoppedError, RobotNotFoundError, RunFaultError
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.process.exit_codes import code_of, NO_ROBOT
 from optional_libraries import optional_imports
 import pytest
 from waiting import wait_until
@@ -30,8 +35,13 @@ with optional_imports():
     from kachaka_simple_control.ros.drive_node import DriveNode
     from listener import Listener
     import rclpy
+    from rclpy.publisher import Publisher
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
+
+TEN = [f'robot{number}' for number in range(10)]
+PACKAGE = str(Path(kachaka_simple_control.__file__).parent)
+VELOCITY_TOPIC = '/kachaka/manual_control/cmd_vel'
 
 
 @pytest.fixture
@@ -41,8 +51,8 @@ def lab():
         rclpy.init(args=[])
         stack.callback(rclpy.try_shutdown)
 
-        def make(*names, silent=(), **parameters):
-            listeners = {name: stack.enter_context(Listener(name))
+        def make(*names, silent=(), mute=(), **parameters):
+            listeners = {name: stack.enter_context(Listener(name, serves=name not in mute))
                          for name in names if name not in silent}
             node = DriveNode('lab', {
                 name: {'guardian': False, 'prime_time': 0.2, **parameters} for name in names})
@@ -99,12 +109,15 @@ def test_two_with_one_topic_are_refused():
         rclpy.try_shutdown()
 
 
-def test_nobody_moves_unless_all_are_ready(lab):
-    node, listeners = lab('one', 'two', 'lost', silent=('lost',), robot_timeout=2.0)
+@pytest.mark.parametrize('silence', ['silent', 'mute'])
+def test_nobody_moves_unless_all_are_ready(lab, silence):
+    """One of ten has no subscription, or no service."""
+    node, listeners = lab(*TEN[1:], 'lost', robot_timeout=2.0, **{silence: ('lost',)})
     begun = time.monotonic()
-    with pytest.raises(RobotNotFoundError, match='^lost: no robot listens on /lost/'):
+    with pytest.raises(RobotNotFoundError, match='^lost: ') as raised:
         drive_all(node)
     assert time.monotonic() - begun < 3.0
+    assert code_of(raised.value) == NO_ROBOT
     assert not any(velocity.moves for listener in listeners.values()
                    for velocity in listener.received)
 
@@ -158,9 +171,36 @@ def test_a_second_drive_of_one_of_them_is_refused_and_others_may_drive(lab):
     node.commander.drive({one: forward(one, 0.3)}, request)
 
 
-def test_many_robots_need_no_more_threads_than_one(lab):
+def test_fifty_robots_need_no_more_threads_than_one(lab):
     before = threading.active_count()
-    node, listeners = lab(*(f'robot{number}' for number in range(10)))
-    drive_all(node, duration=0.3)
-    ours = threading.active_count() - before - len(listeners)
+    names = [f'robot{number}' for number in range(50)]
+    with Listener(names[0]) as listener:
+        for name in names[1:]:
+            listener.also(name)
+        node, _ = lab(*names, silent=names, guardian=True)
+        drive_all(node, duration=0.3)
+        ours = threading.active_count() - before - 1
+        node.destroy_node()
     assert ours + 1 <= 12, [thread.name for thread in threading.enumerate()]
+
+
+def test_few_of_our_functions_are_between_the_call_and_the_wire(listener, make, monkeypatch):
+    """Also between Ctrl+C in the main thread and its first zero."""
+    sent, publish = [], Publisher.publish
+
+    def record(publisher, message):
+        publish(publisher, message)
+        if isinstance(message, bytes) and publisher.topic_name == VELOCITY_TOPIC:
+            sent.append((any(message[-48:]), [
+                frame.f_code.co_name for frame, _ in traceback.walk_stack(sys._getframe())
+                if frame.f_code.co_filename.startswith(PACKAGE)]))
+            if sum(moves for moves, _ in sent) == 3 and sent[-1][0]:
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr(Publisher, 'publish', record)
+    with pytest.raises(KeyboardInterrupt):
+        make().move_robot(0.1, 0.0, 5.0)
+    first = next(number for number, (moves, _) in enumerate(sent) if moves)
+    (_, to_wire), (_, to_zero) = sent[first], sent[first + 3]
+    assert len(to_wire) <= 6, to_wire
+    assert len(to_zero) <= 7, to_zero

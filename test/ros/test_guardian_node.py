@@ -25,7 +25,10 @@ import time
 
 from kachaka_simple_control.control.guardian import begin_heartbeat, GuardianProcess
 from kachaka_simple_control.control.guardian_memory import GuardianMemory
+from kachaka_simple_control.control.preparation import complete
+from kachaka_simple_control.control.watchdog import GuardianMessage
 from kachaka_simple_control.process.processes import (
+    boottime,
     child_environment,
     is_running,
     python_command,
@@ -97,8 +100,7 @@ def process(domain):
         [*python_command('kachaka_simple_control.ros.guardian_program'), str(domain)],
         child_environment())
     yield process
-    for guardian in [*process._guardians.values()]:
-        guardian.shutdown()
+    complete([guardian.leave for guardian in [*process._guardians.values()]])
     assert not is_running(process._process.pid)
 
 
@@ -176,8 +178,22 @@ def test_a_node_that_is_matched_stays(listener, observer, nodes, greeted, shared
     assert len(one.nodes) == 1
     assert publishers(observer) == 1
     assert len(greeted) <= 3
-    nodes._nodes[-1].node.get_subscriptions_info_by_topic = lambda _: pytest.fail('it asks')
-    assert not one.match(is_driving=True), 'a slow answer would delay the stop of another robot'
+
+
+def test_beside_a_drive_the_graph_is_asked_only_after_a_change(listener, nodes, shared):
+    """A slow answer would delay the stop of the robot that is driven."""
+    one, asked = robot(nodes, shared), []
+    match(nodes, one)
+    [publisher], [node] = one._publishers.values(), one.nodes
+    node.node.get_subscriptions_info_by_topic = lambda topic: asked.append(topic) or []
+    publisher.get_subscription_count = iter((1, 0, 1, 1)).__next__
+    for times in (0, 0, 1):  # it stays, it leaves, it comes again
+        one.match(is_driving=True)
+        assert len(asked) == times
+    for message in (GuardianMessage.HEARTBEAT, GuardianMessage.STOPPED):
+        one.watchdog.on_message(message, boottime())
+        one.match(is_driving=True)
+    assert len(asked) == 2, 'it may have been replaced during its own drive'
 
 
 def test_a_robot_is_found_later_than_another_subscriber_and_after_a_drive(
@@ -260,7 +276,7 @@ def test_a_robot_that_is_left_in_a_run_is_stopped_first(listener, process, share
     left, other = add(process, shared), add(process, shared, NOBODY)
     prime(listener, left)
     begin(left)
-    left.shutdown()
+    complete([left.leave])
     assert len(listener.received) > 15
     assert left.stopped_because == 'the node is gone'
     assert other.stopped_because is None

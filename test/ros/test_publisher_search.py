@@ -176,7 +176,7 @@ def test_a_search_that_was_killed_is_not_over(domain):
 
 def test_nothing_is_sent_before_all_that_was_found_is_discovered(listener, connection):
     def check():
-        if listener.received or connection.gate.state is not GateState.NOT_OPENED:
+        if listener.received or connection.drive.gate.state is not GateState.NOT_OPENED:
             raise AssertionError('too soon')
         if time.monotonic() > end:
             raise InterruptedError
