@@ -90,27 +90,29 @@ class DriveNode(Node):
         self._hub = hub = Hub(self)
         self.event_bus = hub.event_bus
         self.robots: dict[str, Robot] = {}
+        made: list[Robot] = []
+        # First: if a robot cannot be made, it releases those that were.
+        self.commander = Commander(hub, made)
         try:
-            self._set_up(robots)
+            self._set_up(robots, made)
         except BaseException:
-            if hasattr(self, 'commander'):
-                self.commander.close()
-            hub.close()
+            self.commander.close()
             self.event_bus.close()
             # A remaining publisher would be mistaken for another driving program.
             super().destroy_node()
             raise
 
-    def _set_up(self, defaults: Mapping[str, Mapping[str, Any]]) -> None:
+    def _set_up(
+            self, defaults: Mapping[str, Mapping[str, Any]], robots: list[Robot]) -> None:
         every = [declare_parameters(self, name, given) for name, given in defaults.items()]
         check_node_names(
             self, [settings.names for settings in every],
             *([of_robot(name, robot) for robot in defaults for name in names]
               for names in (INTROSPECTION_TOPICS, (*SERVICES, '~/run'))))
         for settings in every:
-            self.robots[settings.name] = Robot(self._hub, self._with_type(settings))
-        robots = [*self.robots.values()]
-        self.commander = Commander(self._hub, robots)
+            robot = Robot(self._hub, self._with_type(settings))
+            self.robots[robot.name] = robot
+            robots.append(robot)
         self._introspection = IntrospectionPublishers(self, robots, self.event_bus)
         self._hub.start_odometry([
             robot.reader for robot in robots if robot.reader is not None])
