@@ -34,7 +34,7 @@ class DriveRequest:
     """
     An accepted request to drive robots, and what has happened since.
 
-    :param runs: by the gate of each robot; a stop cancels them, even before the drive has begun
+    :param permits: by the gate of each robot; a stop cancels them, even before the drive has begun
     :param ended: when the drive was complete [s]; None before, or if it ended early
     :param stopped_by: the error that says how another thread has stopped the robot since; or None
     :param period: the time between two velocities of this drive [s]; 0 until its plan is known
@@ -92,6 +92,13 @@ class DriveRequests:
                 self.finish(request, is_complete=False)
                 raise previous.stopped_by
         return request
+
+    def is_ending(self, gates: Iterable[VelocityGate]) -> bool:
+        """Return whether another thread still has to end a drive that was stopped as a whole."""
+        return any(
+            not newest.is_over and newest.thread != threading.get_ident()
+            and all(permit.ended_by is not None for permit in newest.permits.values())
+            for newest in [self._newest[gate] for gate in gates if gate in self._newest])
 
     def finish(self, request: DriveRequest, is_complete: bool) -> None:
         """Record that a drive has ended, at its planned end or early."""

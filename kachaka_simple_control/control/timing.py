@@ -59,6 +59,9 @@ STOP_CONFIRM_TIMEOUT = 1.0
 #: (``mcast_solicit`` and ``retrans_time_ms`` in ``/proc/sys/net/ipv4/neigh``).  So no velocity is
 #: left there when the publisher leaves.
 STOP_LOST_LINK_TIME = 3.0
+#: How long a stop waits, when it is complete, for the thread that has driven.  Chosen: that takes
+#: a POLL_PERIOD.
+DRIVE_END_TIMEOUT = 0.5
 #: A robot counts as standing still if odometry shows a lower velocity than this [m/s], [rad/s].
 #: Chosen: above the noise of wheel encoders.
 STANDSTILL_LINEAR = 0.01

@@ -36,9 +36,14 @@ from kachaka_simple_control.control.preparation import complete, Moment, Steps
 from kachaka_simple_control.control.robot_drive import DriveProgress
 from kachaka_simple_control.control.speed_factor import MOVED, OVERRIDE, PAUSE
 from kachaka_simple_control.control.tick_scheduler import TickScheduler, VelocitySource
-from kachaka_simple_control.control.timing import RESUME_CONFIRM_TIMEOUT, RESUME_QUIET_TIME
+from kachaka_simple_control.control.timing import (
+    DRIVE_END_TIMEOUT,
+    RESUME_CONFIRM_TIMEOUT,
+    RESUME_QUIET_TIME,
+)
 from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.motion.drive_order import DriveOrder
+from kachaka_simple_control.process.waiting import wait_until
 from kachaka_simple_control.ros.drive import Drive, RobotTask, stop_all
 from kachaka_simple_control.ros.hub import Hub
 from kachaka_simple_control.ros.robot import Robot
@@ -173,8 +178,8 @@ class Commander:
         """
         Stop robots, and wait until the stops are complete; return a text for the user.
 
-        A drive ends with an error, even before its robots move.  Nothing is sent to a robot of
-        which this node has no control, or that is stopped already.
+        A drive ends with an error, even before its robots move; another may be requested then.
+        Nothing is sent to a robot of which this node has no control, or that is stopped already.
 
         :param caller: who stops them, for the error that ends the drive
         :raises RunFaultError: if a stop could not be sent, or a robot still moves by odometry
@@ -184,6 +189,8 @@ class Commander:
         self._requests.on_stop(reason, _gates(chosen))
         were_stopped = [robot.stopper.is_stopped for robot in chosen]
         failures = stop_all(chosen, reason)
+        # The thread that drives sees the end of the stop some milliseconds later.
+        wait_until(lambda: not self._requests.is_ending(_gates(chosen)), DRIVE_END_TIMEOUT)
         return _answer(chosen, [
             partial(robot.stopper.report, failure, was_stopped)
             for robot, failure, was_stopped in zip(chosen, failures, were_stopped)])

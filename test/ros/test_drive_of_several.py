@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from pathlib import Path
 import sys
 import threading
@@ -23,11 +24,17 @@ import time
 import traceback
 
 import kachaka_simple_control
-from kachaka_simple_control.errors import MotionStoppedError, RobotNotFoundError, RunFaultError
+from kachaka_simple_control.errors import (
+    MotionStoppedError,
+    RobotNotFoundError,
+    RunFaultError,
+    UsageError,
+)
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.process.exit_codes import code_of, NO_ROBOT
 from optional_libraries import optional_imports
+from program import children_of
 import pytest
 from waiting import wait_until
 
@@ -107,6 +114,33 @@ def test_two_with_one_topic_are_refused():
             DriveNode('lab', {name: {'robot_namespace': '/same'} for name in ('one', 'two')})
     finally:
         rclpy.try_shutdown()
+
+
+def test_if_one_cannot_be_made_the_others_are_released():
+    before = set(children_of(os.getpid()))
+    rclpy.init(args=[])
+    try:
+        with pytest.raises(UsageError, match='within needs odometry'):
+            DriveNode('lab', {'one': {}, 'two': {'robot': 'turtlesim', 'within': '2cm'}})
+        assert set(children_of(os.getpid())) == before, 'the guardian of the first'
+    finally:
+        rclpy.try_shutdown()
+
+
+def test_after_a_stop_another_drive_may_begin_at_once(listener, make):
+    """The thread that drives notices the end of the stop a little later."""
+    node = make()
+    for _ in range(5):
+        def drive():
+            with pytest.raises(MotionStoppedError):
+                node.move_robot(0.1, 0.0, 5.0)
+
+        thread = threading.Thread(target=drive)
+        thread.start()
+        assert wait_until(lambda: listener.received and listener.received[-1].moves)
+        node.stop_robot()
+        node.move_robot(0.0, 0.0, 0.1)
+        thread.join()
 
 
 @pytest.mark.parametrize('silence', ['silent', 'mute'])
