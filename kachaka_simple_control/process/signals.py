@@ -46,8 +46,8 @@ TRACEBACK_VARIABLE = 'KACHAKA_SIMPLE_CONTROL_TRACEBACK'
 #: The signals that request a program to end.
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 #: For this time after the first signal [s], further signals do not interrupt the main thread: a
-#: second Ctrl+C must not end the stop early.  Chosen: longer than a stop.
-SIGNAL_DEBOUNCE = 3.0
+#: second Ctrl+C must not end the stop early.  Chosen: longer than a stop, also over a lost link.
+SIGNAL_DEBOUNCE = 4.0
 
 
 def wakeup_pipe() -> tuple[int, int]:
