@@ -131,7 +131,7 @@ class VelocityGate:
         self.port_time = PortTime()
         #: makes the thread that drives check at once whether its drive was ended
         self.wake: Callable[[], None] = lambda: None
-        #: a drive that was prepared and has not begun, for example because it waits for the robot
+        #: that of a drive that has not begun, for example because it waits for the robot
         self._pending: Permit | None = None
 
     @property
@@ -141,7 +141,7 @@ class VelocityGate:
 
     @property
     def permit(self) -> Permit | None:
-        """Return the drive that has begun last, even if it is over; None if no drive has begun."""
+        """Return that of the drive that has begun last, even if it is over; None if none has."""
         return self._permit
 
     def open(self) -> None:  # noqa: A003
@@ -156,7 +156,7 @@ class VelocityGate:
             self._state = GateState.CLOSED
 
     def prepare(self) -> Permit:
-        """Create a drive that can send after ``begin``; ``cancel`` can end it from now on."""
+        """Return a permit, valid from ``begin`` on; ``cancel`` can end it from now on."""
         permit = Permit()
         with self._lock:
             self._pending = permit
@@ -170,7 +170,7 @@ class VelocityGate:
 
         :param max_gap: the longest allowed time between two messages, without that spent in DDS
             [s]
-        :param permit: the drive that ``prepare`` returned; None for a new drive
+        :param permit: from ``prepare``; None for a new one
         :param began: t = 0 [s]
         :raises ControlError: if the drive was cancelled, nothing may be published, or the latch is
             set
@@ -266,7 +266,7 @@ class VelocityGate:
         """
         Publish a zero velocity, if publishing is allowed and no newer drive has begun.
 
-        :param after: the drive that it follows; None if no drive has begun
+        :param after: that of the drive which it follows; None if no drive has begun
         :returns: whether it was published
         """
         with self._lock, signal_dispatcher.deferred():

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Wait until a condition is true, and call a function repeatedly during the wait.
+Wait until a condition is true, where nothing can wake the thread.
 
 Tested by test/ros/test_robot_discovery.py.
 """
@@ -22,23 +22,16 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
-#: How often a wait checks its condition if nothing can wake the waiting thread [s].  Chosen.
+#: How often a wait checks its condition [s].  Chosen.
 POLL_PERIOD = 0.02
 
 
-def wait_until(
-        condition: Callable[[], bool], timeout: float,
-        check: Callable[[], None] = lambda: None) -> bool:
-    """
-    Wait until a condition is true, and return whether it is; look every POLL_PERIOD.
-
-    :param check: called as often; an error that it raises ends the wait
-    """
+def wait_until(condition: Callable[[], bool], timeout: float) -> bool:
+    """Wait until a condition is true, at most for a time [s]; return whether it is."""
     end = time.monotonic() + timeout
     while not condition():
         left = end - time.monotonic()
         if left <= 0.0:
             return False
         time.sleep(min(left, POLL_PERIOD))
-        check()
     return True

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the robots of a node share.  Tested by test/ros/test_robot.py."""
+"""The threads, the graph and the events of a node.  Tested by test/ros/test_robot.py."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from rclpy.node import Node
 
 class Hub:
     """
-    What the robots of a node share: threads, graph, events, and what has stopped all for good.
+    Has the threads, the graph and the events that all robots of a node use.
 
     :ivar on_error: called, in any thread, with what a callback has raised
     """

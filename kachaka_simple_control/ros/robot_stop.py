@@ -147,8 +147,8 @@ class RobotStop(StopController):
         now = time.monotonic()
         if self._foreign.has_recent(now):
             return 0.0
-        # What the kernel kept of our velocities must be gone before our publisher is destroyed:
-        # after that, a reader drops the zeros that follow them.
+        # A reader drops the zeros of a publisher that was destroyed.  So the kernel must drop our
+        # velocities before that.
         if self._monitor.has_lost_robot(now):
             return STOP_LOST_LINK_TIME
         return STOP_CONFIRM_TIMEOUT if self._odometry.is_moving(now) else 0.0

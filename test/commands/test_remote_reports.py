@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a remotely controlled drive reports, in which words and how often; the clock is set."""
+"""The reports of a remotely controlled drive: their states, and how often they are written."""
 
 from types import SimpleNamespace
 

@@ -405,7 +405,7 @@ class Guarded:
         ('busy', 0.0, 0.07, False), ('busy', 0.13, 3.0, True),
         ('in DDS', 0.0, 0.4, False), ('in DDS', 0.65, 3.0, True)]), st.floats(0.0, 1.0))
 def test_a_thread_that_is_held_up_stops_exactly_its_robots(threads, moment, hold_up, share):
-    """Whatever holds it up, once they are driven; DDS has time for all of them, not for one."""
+    """A wait in a DDS call for one robot gives all robots of the thread the longer timeout."""
     how, least, longest, is_stopped = hold_up
     with tempfile.TemporaryFile() as file:
         file.truncate(GuardianMemory.SIZE)
