@@ -205,9 +205,10 @@ def test_a_second_drive_of_one_of_them_is_refused_and_others_may_drive(lab):
     node.commander.drive({one: forward(one, 0.3)}, request)
 
 
-def test_fifty_robots_need_no_more_threads_than_one(lab):
+def test_many_robots_need_no_more_threads_than_one(lab):
+    """Not more than 20: beside other tests, two cores hold 50 up for longer than a heartbeat."""
     before = threading.active_count()
-    names = [f'robot{number}' for number in range(50)]
+    names = [f'robot{number}' for number in range(20)]
     with Listener(names[0]) as listener:
         for name in names[1:]:
             listener.also(name)
