@@ -77,7 +77,7 @@ class ReplayRow:
             time.sleep(REST)
             replayed, sent_again = relative_to(start, _driven(client)), _displacement(
                 console.recorder.sent_since(began))
-        planned = _difference(*_recorded_and_planned(text))[0]
+        planned = _difference(*recorded_and_planned(text))[0]
         distance, angle = _difference(by_hand, replayed)
         on_the_wire = _difference(sent, sent_again)[0]
         broken = [f'{what} differs by {value:.3g} {unit}, more than {most:g} {unit}'
@@ -126,7 +126,7 @@ def _displacement(velocities: Sequence[SentVelocity]) -> Pose:
     return pose
 
 
-def _recorded_and_planned(text: str) -> tuple[Pose, Pose]:
+def recorded_and_planned(text: str) -> tuple[Pose, Pose]:
     """Return the ends of the recorded steps, and of their plan."""
     file = loads(text, 'record')
     recorded = ORIGIN
@@ -134,7 +134,7 @@ def _recorded_and_planned(text: str) -> tuple[Pose, Pose]:
         assert isinstance(step, Move)
         recorded = integrate(recorded, step.velocity, step.duration)
     limits = file.check(KACHAKA.planning_limits, KACHAKA.name)
-    plan = DriveOrder.of(file.motion, KACHAKA.planning_limits, 10.0, limits).plan()
+    plan = DriveOrder.of(file.motion, KACHAKA.planning_limits, 10.0, limits).plan
     return recorded, [*sample_path(plan)][-1]
 
 

@@ -104,6 +104,14 @@ def test_nothing_may_move_where_no_zero_is_due():
 
 
 @pytest.mark.needs('rclpy', 'nav_msgs', 'selenium')
+def test_a_record_ends_where_its_plan_does():
+    from benchmarks.console_matrix.replay import recorded_and_planned
+    recorded, planned = recorded_and_planned(
+        'steps: [{move: {linear_x: 0.1, angular_z: 0.5, duration: 1.5}}]')
+    assert planned.x == pytest.approx(recorded.x, abs=1e-12)
+    assert planned.theta == pytest.approx(0.75)
+
+
 def test_the_page_shows_the_reference_results():
     from benchmarks.console_matrix.__main__ import BEGIN, END, measured, PAGE, REFERENCE
     from benchmarks.console_matrix.rows import ROWS
