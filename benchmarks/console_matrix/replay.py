@@ -114,6 +114,8 @@ def _record(client: RawClient) -> str:
 
 
 def _driven(client: RawClient) -> Pose:
+    if client.state['driven'] is None:
+        raise RuntimeError(f'no pose: {client.state["state"]}, {client.state["reason"]}')
     return Pose(*client.state['driven'])
 
 

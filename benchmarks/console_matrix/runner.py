@@ -24,7 +24,6 @@ import time
 from benchmarks.console_matrix.rows import Row
 from benchmarks.console_matrix.stage import Stage
 from benchmarks.console_matrix.trial import excess, LOAD_FACTOR, SpoiltError, Trial
-from selenium.common.exceptions import WebDriverException
 from stall_observer import describe, StallObservers
 
 #: How often a trial may begin.
@@ -62,8 +61,8 @@ class Runner:
                 trial = row.run(self._stage)
             except SpoiltError as error:
                 reason = str(error)
-            except (RuntimeError, AssertionError, OSError, WebDriverException) as error:
-                reason = f'{type(error).__name__}: {str(error).splitlines()[0]}'
+            except Exception as error:  # the results of the other rows must not be lost
+                reason = f'{type(error).__name__}: {error}'.partition('\n')[0]
                 self._stage.restart()
             else:
                 reason = self._excuse(row, trial)
