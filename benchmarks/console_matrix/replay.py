@@ -48,6 +48,10 @@ MAX_PLANNED, MAX_DISTANCE, MAX_ANGLE = 1e-6, 0.002, 0.2
 PATIENCE = DURATION + 30.0
 
 
+class EndedEarlyError(Exception):
+    """The drive process has ended during a trial."""
+
+
 @dataclass(frozen=True)
 class ReplayRow:
     """A row in which a hand drives for 30 s, and its record is driven."""
@@ -114,8 +118,9 @@ def _record(client: RawClient) -> str:
 
 
 def _driven(client: RawClient) -> Pose:
+    # Not an error with which a trial may begin again: without a pose, the drive has ended.
     if client.state['driven'] is None:
-        raise RuntimeError(f'no pose: {client.state["state"]}, {client.state["reason"]}')
+        raise EndedEarlyError(f'{client.state["state"]}: {client.state["reason"]}')
     return Pose(*client.state['driven'])
 
 

@@ -24,6 +24,7 @@ import time
 from benchmarks.console_matrix.rows import Row
 from benchmarks.console_matrix.stage import Stage
 from benchmarks.console_matrix.trial import excess, LOAD_FACTOR, SpoiltError, Trial
+from selenium.common.exceptions import WebDriverException
 from stall_observer import describe, StallObservers
 
 #: How often a trial may begin.
@@ -61,9 +62,12 @@ class Runner:
                 trial = row.run(self._stage)
             except SpoiltError as error:
                 reason = str(error)
-            except Exception as error:  # the results of the other rows must not be lost
-                reason = f'{type(error).__name__}: {error}'.partition('\n')[0]
+            except (RuntimeError, AssertionError, OSError, WebDriverException) as error:
+                reason = _line(error)
                 self._stage.restart()
+            except Exception as error:  # the results of the other rows must not be lost
+                self._stage.restart()
+                return Trial(broken=(_line(error),))
             else:
                 reason = self._excuse(row, trial)
                 if not reason:
@@ -84,6 +88,10 @@ class Runner:
         lost = max((min(stall.end, end) - max(stall.begin, begin) for stall in stalls),
                    default=0.0)
         return f'{1e3 * late:.0f} ms late, while {describe(stalls)}' if lost >= late else ''
+
+
+def _line(error: Exception) -> str:
+    return f'{type(error).__name__}: {error}'.partition('\n')[0]
 
 
 def run(rows: Sequence[tuple[Row, int]], under_load: bool) -> Results:

@@ -15,6 +15,7 @@
 
 from dataclasses import replace
 import json
+from unittest.mock import Mock
 
 from benchmarks.console_matrix.proxy import frame, FrameReader, PassedCommand, PING, TEXT
 from benchmarks.console_matrix.trial import (
@@ -112,6 +113,24 @@ def test_a_record_ends_where_its_plan_does():
     assert planned.theta == pytest.approx(0.75)
 
 
+@pytest.mark.needs('rclpy', 'nav_msgs', 'selenium')
+def test_an_error_in_one_row_is_a_violation_of_that_row_alone():
+    from benchmarks.console_matrix.runner import Runner
+
+    def fail():
+        raise TypeError('no pose\nat all')
+
+    stage = Mock()
+    runner = Runner(stage, None, under_load=False)
+    for what, run in (('bad', fail), ('good', lambda: GOOD)):
+        row = Mock(expectation=Expectation(what, 'somebody'), run=lambda _, run=run: run())
+        runner.run(row, 1)
+    assert runner.results.trials == {
+        'bad': [Trial(broken=('TypeError: no pose',))], 'good': [GOOD]}
+    stage.restart.assert_called_once_with()
+
+
+@pytest.mark.needs('rclpy', 'nav_msgs', 'selenium')
 def test_the_page_shows_the_reference_results():
     from benchmarks.console_matrix.__main__ import BEGIN, END, measured, PAGE, REFERENCE
     from benchmarks.console_matrix.rows import ROWS

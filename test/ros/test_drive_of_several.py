@@ -206,7 +206,7 @@ def test_a_second_drive_of_one_of_them_is_refused_and_others_may_drive(lab):
 
 
 def test_many_robots_need_no_more_threads_than_one(lab):
-    """Not more than 20: beside other tests, two cores hold 50 up for longer than a heartbeat."""
+    """20 show it; 50 need too much of two cores that other tests use at the same time."""
     before = threading.active_count()
     names = [f'robot{number}' for number in range(20)]
     with Listener(names[0]) as listener:
