@@ -22,18 +22,24 @@ from __future__ import annotations
 import atexit
 from collections.abc import Mapping
 from dataclasses import replace
+import signal
 import sys
 from typing import Any
 
 from kachaka_simple_control.control.timing import DISCOVERY_TIMEOUT
-from kachaka_simple_control.errors import RunFaultError
+from kachaka_simple_control.errors import (
+    MotionRefusedError,
+    MotionRunningError,
+    MotionStoppedError,
+    RunFaultError,
+)
 from kachaka_simple_control.files.robot_profile import ANY_TYPE
 from kachaka_simple_control.process.closing import Closers
 from kachaka_simple_control.process.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.process.signals import signal_dispatcher
 from kachaka_simple_control.ros.commander import Commander
 from kachaka_simple_control.ros.drive_services import DriveServices
-from kachaka_simple_control.ros.executors import before_shutdown
+from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.hub import Hub
 from kachaka_simple_control.ros.introspection import IntrospectionPublishers
 from kachaka_simple_control.ros.names import INTROSPECTION_TOPICS, of_robot
@@ -42,7 +48,6 @@ from kachaka_simple_control.ros.parameters import (
     RobotSettings,
 )
 from kachaka_simple_control.ros.robot import Robot
-from kachaka_simple_control.ros.signal_handler import NodeSignalHandler
 from kachaka_simple_control.ros.startup import check_node_names, ensure_started, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import taken_type
 from kachaka_simple_control.text import escaped
@@ -117,7 +122,7 @@ class DriveNode(Node):
         self._hub.start_odometry([
             robot.reader for robot in robots if robot.reader is not None])
         self.drive_services = DriveServices(self, self.commander, robots)
-        self._signal_handler = NodeSignalHandler(self, self.commander)
+        self._signal_handler = _SignalHandler(self, self.commander)
         self._stop_on_every_exit()
 
     def _with_type(self, settings: RobotSettings) -> RobotSettings:
@@ -188,6 +193,42 @@ class DriveNode(Node):
         """Stop and release the robots; may be called again."""
         self.commander.close()
         self.event_bus.close()
+
+
+class _SignalHandler:
+    """Stops the robots of a node when a signal or an exception ends the program."""
+
+    def __init__(self, node: Node, commander: Commander) -> None:
+        self._node, self._commander = node, commander
+        self._guard_condition = node.create_guard_condition(lambda: None)
+
+    def on_signal(self, signum: int) -> None:
+        """Stop the robots at once, and refuse all later motions; called in a separate thread."""
+        name = signal.Signals(signum).name
+        self._commander.stop_permanently(MotionStoppedError(f'stopped by {name}'))
+
+    def wake(self) -> None:
+        """
+        Wake the main thread if it waits in an executor of rclpy.
+
+        Python runs its signal handlers only in the main thread, and only if that thread does not
+        wait in C++ code.
+        """
+        self._guard_condition.trigger()
+        wake_main_thread()
+
+    def uncaught(self, error: BaseException) -> None:
+        """
+        Stop the robots after an uncaught exception: another thread may still drive them.
+
+        But not after a ``MotionRunningError``: the motion of another thread goes on.
+        """
+        if isinstance(error, MotionRunningError):
+            return
+        if isinstance(error, KeyboardInterrupt):
+            self._node.get_logger().info('Program was interrupted')
+        self._commander.stop_permanently(
+            MotionRefusedError(f'the program ended by {error!r}'))
 
 
 def _discard_if_stopped() -> None:
