@@ -133,6 +133,11 @@ class BridgeNode(Node):
     def close(self) -> None:
         """Disconnect from the robot; the caller must call this before ``destroy_node()``."""
 
+    def destroy_node(self) -> None:
+        """Release the topics for another bridge, and destroy the node."""
+        complete([self._claim.release])
+        super().destroy_node()
+
     def drive(self, velocity: Velocity, now: float) -> None:
         """Send a velocity to the robot, which must not follow it if it is infinite or NaN."""
         raise NotImplementedError

@@ -184,6 +184,14 @@ def test_odometry_is_published_only_for_subscribers(node):
             publisher.published for publisher in node._odometry]
 
 
+def test_a_destroyed_bridge_releases_its_topics(node, namespace):
+    """Its descriptor as well, which the next one of this program needs."""
+    from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
+    from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+    node.destroy_node()
+    SimulatedBridge(SimulatedKachaka(time.monotonic()), namespace).destroy_node()
+
+
 @pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_end_it_without_a_traceback(signum):
     """Exit code 0, soon; a second signal does not interrupt the shutdown."""
