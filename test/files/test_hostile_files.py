@@ -66,7 +66,8 @@ HOSTILE = {
 def test_a_hostile_text_is_refused_quickly(what):
     begin = time.process_time()
     lines = refusal(HOSTILE[what])
-    assert time.process_time() - begin < 3.0  # of a slow machine; here it is below 1 s
+    # Below 1 s here, 3 s on a busy machine; without the bounds it takes minutes.
+    assert time.process_time() - begin < 10.0
     assert len(lines) <= 21
     assert all(line.startswith('bad.yaml') and len(line) < 400 for line in lines)
 
