@@ -157,6 +157,9 @@ class BridgeNode(Node):
         try:
             complete([self._claim.take], lambda: executor.spin_once(timeout_sec=0.0))
             self._claim.hold()
+        except BaseException:
+            self.destroy_node()
+            raise
         finally:
             executor.remove_node(self)
             executor.shutdown()

@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 import signal
 import subprocess
 import time
@@ -184,12 +185,23 @@ def test_odometry_is_published_only_for_subscribers(node):
             publisher.published for publisher in node._odometry]
 
 
-def test_a_destroyed_bridge_releases_its_topics(node, namespace):
-    """Its descriptor as well, which the next one of this program needs."""
+def open_sockets():
+    """Return how many sockets this process has."""
+    return sum(entry.is_socket() for entry in Path('/proc/self/fd').iterdir())
+
+
+def test_a_bridge_that_is_destroyed_or_refused_leaves_no_claim(node, namespace):
+    """Not even an open socket."""
+    from kachaka_simple_control.errors import RobotTakenError
     from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
     from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+    robot = SimulatedKachaka(time.monotonic())
+    sockets = open_sockets()
+    with pytest.raises(RobotTakenError, match='an earlier node of this program has the robot'):
+        SimulatedBridge(robot, namespace)
+    assert open_sockets() == sockets
     node.destroy_node()
-    SimulatedBridge(SimulatedKachaka(time.monotonic()), namespace).destroy_node()
+    SimulatedBridge(robot, namespace).destroy_node()
 
 
 @pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
