@@ -109,7 +109,7 @@ def test_a_robot_whose_profile_names_odometry_is_not_driven_without(tmp_path):
     profile = tmp_path / 'own.yaml'
     profile.write_text('extends: generic\nmessage_type: Twist\nodometry_required: true\n')
     with Listener(**PLAIN, topic=('cmd_vel', Twist)) as listener:
-        with program(drive(tmp_path, profile, 'robot_timeout:=2'), tmp_path) as started:
+        with program(drive(tmp_path, profile, 'robot_timeout:=3'), tmp_path) as started:
             assert started.end() == 3
         assert listener.received == []
     assert 'nobody publishes /odom; for a robot without odometry write ' in started.text
@@ -118,7 +118,7 @@ def test_a_robot_whose_profile_names_odometry_is_not_driven_without(tmp_path):
 def test_a_profile_with_the_wrong_type_of_message_is_told_which_key(tmp_path):
     profile = tmp_path / 'own.yaml'
     profile.write_text('extends: generic\nmessage_type: Twist\n')
-    command = drive(tmp_path, profile, 'robot_timeout:=2')
+    command = drive(tmp_path, profile, 'robot_timeout:=3')
     with Listener(**PLAIN, topic=('cmd_vel', TwistStamped)), program(command, tmp_path) as started:
         assert started.end() == 3
     assert 'not Twist: write `message_type: TwistStamped` in the profile' in started.text
@@ -143,7 +143,8 @@ def test_a_robot_under_the_same_name_is_left_alone_by_a_simulated_drive(tmp_path
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     from ros_support import bridge
     from waiting import wait_until
-    command = [*COMMAND, '--sim', *QUICK_COMMAND[len(COMMAND):], '-p', 'robot_timeout:=3']
+    # The robot of the drive is refused as it starts, which may take seconds on a slow machine.
+    command = [*COMMAND, '--sim', *QUICK_COMMAND[len(COMMAND):], '-p', 'robot_timeout:=20']
     with bridge() as other:
         assert wait_until(lambda: 'ready: ' in other.text)
         with program(command, tmp_path) as started:
