@@ -29,8 +29,8 @@ setup(
     python_requires='>=3.10',
     packages=find_packages(include=[package_name, package_name + '.*']),
     package_data={package_name: [
-        'py.typed', 'console/*.json', 'console/static/*', 'motions/*', 'report/*.css',
-        'report/templates/*', 'robots/*', 'ros/*.xml']},
+        'py.typed', 'console/*.json', 'console/static/*', 'fleets/*', 'motions/*',
+        'report/*.css', 'report/templates/*', 'robots/*', 'ros/*.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
@@ -74,6 +74,7 @@ setup(
             'kachaka_calibrate = kachaka_simple_control.entry_points:calibrate',
             'kachaka_console = kachaka_simple_control.entry_points:console',
             'kachaka_compare = kachaka_simple_control.entry_points:compare',
+            'kachaka_fleet = kachaka_simple_control.entry_points:fleet',
             'kachaka_bridge = kachaka_simple_control.entry_points:bridge',
             'kachaka_sim = kachaka_simple_control.entry_points:simulate',
         ],

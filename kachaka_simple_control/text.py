@@ -106,6 +106,8 @@ def cut(text: str, width: int) -> str:
 
 def width_of(text: str) -> int:
     """Return how many columns a text takes up in a terminal."""
+    if text.isascii():
+        return len(text)
     # Chinese and Japanese characters have double width; combining marks have no width.
     return sum(
         0 if unicodedata.combining(char) else 1 + (unicodedata.east_asian_width(char) in 'WF')

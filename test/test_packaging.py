@@ -167,6 +167,7 @@ def test_wheel_has_all_commands_where_pip_puts_commands(wheel):
     commands = re.findall(r'^(\w+) = ', wheel.read(entry_points).decode(), re.MULTILINE)
     assert sorted(commands) == [
         'kachaka_bridge', 'kachaka_calibrate', 'kachaka_compare', 'kachaka_console',
+        'kachaka_fleet',
         'kachaka_sim', NAME]
     # What setup.cfg says for colcon would put scripts below lib/.
     assert [name for name in wheel.namelist() if '.data/' in name and '/lib/' in name] == []

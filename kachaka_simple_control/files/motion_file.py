@@ -54,6 +54,7 @@ from kachaka_simple_control.motion.step_base import (
     StepList,
 )
 from kachaka_simple_control.motion.steps import Motion
+from kachaka_simple_control.motion.time_scale import slowed
 from kachaka_simple_control.motion.units import (
     FREQUENCY,
     LENGTH,
@@ -133,14 +134,21 @@ class MotionFile:
             raise MotionFileError(self.source, map(self._problem, errors))
         return tightened
 
-    def order(self, robot: RobotProfile, rate: float, closed_loop: bool) -> DriveOrder:
+    def order(
+            self, robot: RobotProfile, rate: float, closed_loop: bool,
+            speed: float = 1.0) -> DriveOrder:
         """
         Return how a robot drives the motion.
 
+        :param speed: the speed relative to that of the file, from 0.01 to 1: a time scale
         :raises MotionFileError: as ``check``
+        :raises InvalidMotionError: if the speed is out of range
         """
         limits = self.check(robot.planning_limits, robot.name, closed_loop)
-        return DriveOrder.of(self.motion, robot.planning_limits, rate, limits, closed_loop)
+        # What a closed loop adds at the end is slowed, too: all robots of a fleet have one scale.
+        motion = self.motion.settled() if closed_loop else self.motion
+        return DriveOrder.of(
+            slowed(motion, speed), robot.planning_limits, rate, limits.slowed(speed), closed_loop)
 
     def error_at(self, path: str, message: str) -> MotionFileError:
         """Return an error about one value of the file, with the line number of the value."""

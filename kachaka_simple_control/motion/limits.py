@@ -86,6 +86,17 @@ class Limits:
         return Limits(**{
             name: value * factor for name, value in asdict(self).items() if value is not None})
 
+    def slowed(self, factor: float) -> Limits:
+        """
+        Return the limits under which a motion slowed by a factor has its plan, stretched in time.
+
+        They are the velocities times the factor, the accelerations times its square, and the jerks
+        times its cube.
+        """
+        return Limits(**{
+            name: LIMIT_QUANTITIES[name].slowed(value, factor)
+            for name, value in asdict(self).items() if value is not None})
+
     def tightened(self, other: Limits) -> Limits:
         """Return the lower one of each limit."""
         return Limits(**{

@@ -74,6 +74,19 @@ class Quantity:
         return next(iter(self.units))
 
     @property
+    def time_power(self) -> int:
+        """Return the power of seconds in the unit: 1 of ``s``, -2 of ``m/s^2``, 0 of ``m``."""
+        above, _, below = self.unit.partition('/')
+        base, _, power = (below or above).partition('^')
+        size = {'s': 1, 'Hz': -1}.get(base, 0) * int(power or 1)
+        return -size if below else size
+
+    def slowed(self, value: float, factor: float) -> float:
+        """Return a value for a lower speed: a time divided by the factor, a velocity times it."""
+        power = self.time_power
+        return value / factor ** power if power > 0 else value * factor ** -power
+
+    @property
     def keyword(self) -> str:
         """Return the name of the quantity without its article, as in ``length``."""
         return self.name.split(' ', 1)[1]

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The schemas of motions and robots: what validates is what an editor shows."""
+"""The schemas of motions, robots and fleets: what validates is what an editor shows."""
 
 from __future__ import annotations
 
@@ -42,6 +42,7 @@ def schema(path: str) -> dict[str, Any]:
 
 MOTION = schema('motions/motion.schema.json')
 ROBOT = schema('robots/robot.schema.json')
+FLEET = schema('fleets/fleet.schema.json')
 STEP = MOTION['definitions']['step']
 
 
@@ -53,7 +54,7 @@ def parts(node: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield from parts(inner)
 
 
-ALL = [part for whole in (MOTION, ROBOT) for part in parts(whole)]
+ALL = [part for whole in (MOTION, ROBOT, FLEET) for part in parts(whole)]
 
 
 def test_each_part_has_a_description_and_a_text_for_errors():
@@ -80,7 +81,7 @@ def test_examples_are_valid():
     count = 0
     for part in ALL:
         for example in part.get('examples', []):
-            whole = {**part, 'definitions': MOTION['definitions']}
+            whole = {**part, 'definitions': {**MOTION['definitions'], **FLEET['definitions']}}
             jsonschema.Draft7Validator(whole).validate(example)
             count += 1
     assert count > 30
