@@ -25,6 +25,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
+from typing import get_args, NamedTuple
 
 from kachaka_simple_control.control.speed_factor import product
 from kachaka_simple_control.motion.geometry import Footprint, Pose, Velocity, ZERO
@@ -36,10 +37,44 @@ from kachaka_simple_control.motion.steps import Motion
 MAX_CARRIED_STEPS = 1000
 
 
+class FleetMember(NamedTuple):
+    """
+    One robot of a fleet.
+
+    :param start: where it stands at t = 0, in the frame of the floor
+    :param motion: the name of what it drives
+    """
+
+    name: str
+    start: Pose
+    motion: str
+
+
+@dataclass(frozen=True)
+class FleetStarted:
+    """
+    A program has started to use a fleet: its first event, before ``SessionStarted`` of each robot.
+
+    :param repeat: how many rounds they drive; each begins with a ``MotionPlanned`` of each robot
+    :param goes_on: whether the others drive on after a fault of one
+    :param source: the path of the fleet's file; empty without one
+    :param text: the text of this file; None without one
+    :param near_passes: where two come near each other by plan, a line each
+    """
+
+    name: str
+    robots: tuple[FleetMember, ...]
+    repeat: int = 1
+    goes_on: bool = False
+    source: str = ''
+    text: str | None = None
+    near_passes: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class SessionStarted:
     """
-    A program has started to use a robot; this is always the first event.
+    A program has started to use a robot; this is always the first event of the robot.
 
     :param epoch: the time since 1970 minus the steady clock, at the same moment [s]
     :param odometry_topic: after namespace and remapping; None without odometry
@@ -161,6 +196,21 @@ class VelocitySent:
         return self.kind in RUN_KINDS
 
 
+@dataclass(frozen=True, slots=True)
+class ProgressMade:
+    """
+    How far a drive has come: a few times a second, for readers without ``VelocitySent``.
+
+    :param plan_time: the point in the plan of the newest velocity [s]; None without a plan
+    :param lateness: the largest of the velocities since the ``ProgressMade`` before [s]
+    """
+
+    time: float
+    plan_time: float | None
+    velocity: Velocity
+    lateness: float = 0.0
+
+
 class DriveState(Enum):
     """
     The state of the newest drive of a robot; only ``RobotDrive`` changes it.
@@ -248,9 +298,25 @@ class MotionEnded:
 
 
 @dataclass(frozen=True)
+class RobotsApart:
+    """
+    The robots of a fleet have waited for each other at a rest.
+
+    :param at: the plan time of this rest [s]
+    :param apart: by how much the first to arrive was before the last [s]
+    :param robots: how many they were
+    """
+
+    time: float
+    at: float
+    apart: float
+    robots: int
+
+
+@dataclass(frozen=True)
 class SessionEnded:
     """
-    The program has stopped and released the robot; the last event, missing if it was killed.
+    The program has stopped and released its robots; the last event, missing if it was killed.
 
     :param stop_confirmed_after: the time from the start of the last stop until odometry showed
         standstill [s]; None if it did not
@@ -265,5 +331,17 @@ class SessionEnded:
 
 
 Event = (SessionStarted | MotionPlanned | MotionStarted | VelocitySent | SpeedFactorChanged
-         | OdometryReceived | StateChanged | StopConfirmed | MotionEnded | SessionEnded)
+         | OdometryReceived | StateChanged | StopConfirmed | MotionEnded | SessionEnded
+         | ProgressMade | FleetStarted | RobotsApart)
 EventHandler = Callable[[Event], None]
+#: Everything that happened, as a record needs it.
+DETAILED: frozenset[type] = frozenset(get_args(Event)) - {ProgressMade}
+#: What happens a few times a second at most, as a display of many robots needs it.
+OVERVIEW: frozenset[type] = frozenset(get_args(Event)) - {VelocitySent, OdometryReceived}
+
+
+class RobotEvent(NamedTuple):
+    """An event of one of several robots, by its name, as readers of all robots get it."""
+
+    robot: str
+    event: Event

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from kachaka_simple_control.analysis.step_results import driven
 from kachaka_simple_control.control import events
 from kachaka_simple_control.control.events import DriveState
+from kachaka_simple_control.control.robot_drive import LATE
 from kachaka_simple_control.control.speed_factor import is_hold, product
 from kachaka_simple_control.control.timing import ODOMETRY_MAX_AGE
 from kachaka_simple_control.motion.geometry import Displacement, Velocity
@@ -95,6 +96,8 @@ class DriveStatus:
     :param odometry_age: the age of the last sample [s]; 0 without odometry
     :param factors: the speed factors below 1, by the name of their source
     :param silent_for: since the last velocity [s]; None up to EVENT_TIMEOUT (1 s), or at rest
+    :param lateness: the largest of the newest velocities [s], by ``ProgressMade``
+    :param is_late: whether this counts as late
     """
 
     state: DriveState
@@ -111,6 +114,8 @@ class DriveStatus:
     odometry_age: float
     factors: Mapping[str, float]
     silent_for: float | None
+    lateness: float = 0.0
+    is_late: bool = False
 
     @property
     def is_held(self) -> bool:
@@ -176,17 +181,21 @@ class StepOdometer:
 class DriveTracker:
     """Follows the status of one driving program from its events, which must arrive in order."""
 
+    #: the words for what is driven, and by which program
+    what, program = 'the robot', 'kachaka_simple_control'
+
     def __init__(self) -> None:
         self._session: events.SessionStarted | None = None
         self._planned: events.MotionPlanned | None = None
         self._plan: Plan | None = None
         self._started: float | None = None
         #: the newest velocity message of the current drive
-        self._own: events.VelocitySent | None = None
+        self._own: events.VelocitySent | events.ProgressMade | None = None
         self._factors: Mapping[str, float] = {}
         self._ended: events.MotionEnded | None = None
         self._motion_count = 0
-        self._sent: events.VelocitySent | None = None
+        self._sent: events.VelocitySent | events.ProgressMade | None = None
+        self._lateness = 0.0
         self._stop_time: float | None = None
         self._odometry: events.OdometryReceived | None = None
         self._commanded_odometer = self._driven_odometer = StepOdometer(None)
@@ -197,7 +206,7 @@ class DriveTracker:
     def on_event(self, event: events.Event) -> None:
         """Update the status of the drive from an event, such as a sent velocity."""
         match event:
-            case events.VelocitySent():
+            case events.VelocitySent() | events.ProgressMade():
                 self._on_velocity(event)
             case events.OdometryReceived():
                 self._on_odometry(event)
@@ -235,7 +244,14 @@ class DriveTracker:
             odometry=None if odometry is None else odometry.velocity,
             odometry_age=0.0 if odometry is None else max(0.0, now - odometry.time),
             factors=self._factors,
-            silent_for=self._silence(now))
+            silent_for=self._silence(now),
+            lateness=self._lateness,
+            is_late=self._planned is not None and self._lateness >= LATE / self._planned.rate)
+
+    @property
+    def motion_count(self) -> int:
+        """How many motions were planned so far."""
+        return self._motion_count
 
     @property
     def is_under_way(self) -> bool:
@@ -265,6 +281,7 @@ class DriveTracker:
         if not event.has_plan:
             self._planned = self._plan = self._ended = None
         self._started, self._stop_time, self._own = event.time, None, None
+        self._lateness = 0.0
         self._reset_odometers()
 
     def _on_state(self, event: events.StateChanged) -> None:
@@ -277,13 +294,16 @@ class DriveTracker:
         self._commanded_odometer = StepOdometer(self._plan)
         self._driven_odometer = StepOdometer(self._plan)
 
-    def _on_velocity(self, event: events.VelocitySent) -> None:
+    def _on_velocity(self, event: events.VelocitySent | events.ProgressMade) -> None:
         before, self._sent = self._sent, event
+        if isinstance(event, events.ProgressMade):
+            self._own, self._lateness = event, event.lateness
+            return
         if not self.is_under_way:
             return
         if event.is_of_run:
             self._own = event
-        if before is not None:
+        if isinstance(before, events.VelocitySent):
             held, velocity = event.time - before.time, before.expected or before.velocity
             self._commanded_odometer.update(held, self._plan_time(event.time), Displacement(
                 velocity.linear_x * held, velocity.angular_z * held))
@@ -293,7 +313,9 @@ class DriveTracker:
         own = self._own
         if own is None or own.plan_time is None:
             return 0.0
-        return own.plan_time + now - own.time
+        # Between two events of progress, more than between two velocities, a hold would be seen.
+        slope = product(self._factors) if isinstance(own, events.ProgressMade) else 1.0
+        return own.plan_time + slope * (now - own.time)
 
     def _on_odometry(self, event: events.OdometryReceived) -> None:
         before, self._odometry = self._odometry, event

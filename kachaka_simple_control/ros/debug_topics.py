@@ -213,12 +213,11 @@ class CommandedVelocityPublisher(DebugTopic):
         self._is_wanted = False
         self._check_time = float('-inf')
 
-    def wants(self, event: Event) -> bool:
-        """Return whether an event is a sent velocity, and the topic has subscribers."""
-        if not isinstance(event, VelocitySent):
-            return False
-        if event.time - self._check_time >= SUBSCRIBER_COUNT_PERIOD:
-            self._check_time = event.time
+    def is_wanted(self) -> bool:
+        """Return whether the topic has subscribers; this is asked often."""
+        now = time.monotonic()
+        if now - self._check_time >= SUBSCRIBER_COUNT_PERIOD:
+            self._check_time = now
             self._is_wanted = self._has_subscribers
         return self._is_wanted
 

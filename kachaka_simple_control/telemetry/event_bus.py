@@ -15,21 +15,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Collection, Sequence
+import contextlib
 from dataclasses import dataclass, field
 from functools import partial
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 import threading
 import time
+from typing import Any
 
-from kachaka_simple_control.control.events import Event, EventHandler
+from kachaka_simple_control.control.events import DETAILED, Event, EventHandler, RobotEvent
 
-#: How many events may wait in the queue.  If more wait, the slowest reader is detached.  The value
-#: is chosen: it corresponds to 10 s at the highest rate of velocities.
-MAX_WAITING = 10_000
+#: How many events of each robot may wait in the queue, and of all.  If more wait, the slowest
+#: reader is detached.  The values are chosen: the first corresponds to 10 s at the highest rate of
+#: velocities, and the second to 25 MB.
+MAX_WAITING, MAX_WAITING_OF_ALL = 10_000, 100_000
 #: How long the thread collects events before it passes them on [s].  So one wake-up of the thread
 #: serves several events.
 BATCH_PERIOD = 0.02
+#: How many events the thread takes from the queue at once.
+MAX_BATCH = 500
+#: What waits: an event with its robot, a function that the thread calls, or None, which ends it.
+_Item = tuple[Event, str] | Callable[[], None] | None
 #: How long ``close`` waits until all events are passed on [s].
 CLOSE_TIMEOUT = 0.5
 
@@ -37,52 +45,54 @@ CLOSE_TIMEOUT = 0.5
 @dataclass(eq=False)
 class _Reader:
     """
-    A function that is called with each event, for example to record it.
+    A function that is called with events, for example to record them.
 
+    :param robot: whose events it gets; None for those of all, several in one call
     :param busy: its total run time since the queue of events was last empty [s]
     """
 
-    handle: EventHandler
+    handle: Callable[[Any], None]
     on_detached: Callable[[str], None]
-    wants: Callable[[Event], bool]
-    robot: str = ''
+    kinds: Collection[type]
+    robot: str | None
+    is_active: Callable[[], bool] | None = None
     busy: float = 0.0
 
 
 @dataclass(eq=False)
-class _Call:
-    """An event that is being passed to readers, with those that have not got it yet."""
+class _Batch:
+    """Events that are being passed to readers: for those that have not got them yet."""
 
-    event: Event
-    readers: list[_Reader]
-    #: the reader that handles the event now, and the start of this call [s on the steady clock]
+    parts: list[tuple[_Reader, list[Any]]]
+    #: the reader that handles events now, and the start of its first call [s on the steady clock]
     current: _Reader | None = None
     since: float = 0.0
-    #: whether another thread passes the event on now, because the current reader takes too long
+    #: whether another thread passes the events on now, because the current reader takes too long
     is_abandoned: bool = False
-    #: a lock, so that two threads never call the same reader with this event
+    #: a lock, so that two threads never call the same reader with the same event
     lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def next_reader(self) -> _Reader | None:
+    def next_part(self) -> tuple[_Reader, list[Any]] | None:
         """
-        Take the next reader of the event; None if this thread has none left.
+        Take the next reader, and what to call it with; None if this thread has none left.
 
         If one takes too long, another thread calls the remaining ones.
         """
         with self.lock:
-            if self.is_abandoned or not self.readers:
+            if self.is_abandoned or not self.parts:
                 return None
-            self.current, self.since = self.readers.pop(0), time.monotonic()
-            return self.current
+            part = self.parts.pop(0)
+            self.current, self.since = part[0], time.monotonic()
+            return part
 
 
 class EventBus:
     """
-    Passes events to readers, functions that are called with each event in a separate thread.
+    Passes events to readers, functions that are called with them in a separate thread.
 
     ``publish`` only puts an event into a queue.  A reader that raises an error is detached, and
-    the slowest one if more than MAX_WAITING events wait: the drive and the others continue.
-    ``bool(bus)`` is True if the bus has readers.
+    the slowest one if too many events wait: the drive and the others continue.  ``bool(bus)`` is
+    True if the bus has readers.
 
     :param on_detached: called with a text that names the reader and the reason
     """
@@ -90,13 +100,18 @@ class EventBus:
     def __init__(self, on_detached: Callable[[str], None] = lambda _: None) -> None:
         self._on_detached = on_detached
         self._readers: tuple[_Reader, ...] = ()
-        #: the waiting events with their robots, functions that the thread calls, and None, which
-        #: ends the thread
-        self._queue: SimpleQueue[tuple[Event, str] | Callable[[], None] | None] = SimpleQueue()
+        #: the readers of the events of a robot and of a type, once such an event was published;
+        #: None: of all types
+        self._index: dict[tuple[str, type | None], tuple[_Reader, ...]] = {}
+        #: what waits for the thread
+        self._queue: SimpleQueue[_Item] = SimpleQueue()
+        #: those that the thread has taken out of it, and not handled yet
+        self._taken: deque[_Item] = deque()
         self._hurry = threading.Event()
-        self._call: _Call | None = None
+        self._batch: _Batch | None = None
         self._thread: threading.Thread | None = None
         self._lock = threading.Lock()
+        self._robots: set[str] = set()
         #: how many events may wait; raised when a reader is detached, reset when none waits
         self._limit = MAX_WAITING
         #: the errors because of which readers were detached
@@ -109,25 +124,45 @@ class EventBus:
     def subscribe(
             self, handler: EventHandler,
             on_detached: Callable[[str], None] = lambda _: None,
-            wants: Callable[[Event], bool] = lambda _: True, robot: str = '') -> None:
+            kinds: Collection[type] = DETAILED, robot: str = '',
+            is_active: Callable[[], bool] | None = None) -> None:
         """
-        Add a reader.
+        Add a reader of the events of one robot.
 
         :param on_detached: called with the reason if the reader gets no more events, for it has
             raised an error or is too slow; its output is then incomplete
-        :param wants: a quick function, called in the thread that publishes, that returns whether
-            the reader needs an event; one that nobody needs wakes no second thread
-        :param robot: the name of the robot whose events it gets; empty for the only one of a node
+        :param kinds: the types of the events that it gets
+        :param robot: the name of the robot; empty for the only one of a node
+        :param is_active: a quick function, called in the threads that publish, that returns
+            whether the reader needs events now; None for always.  It may get more nevertheless
         """
-        with self._lock:
-            self._readers = (*self._readers, _Reader(handler, on_detached, wants, robot))
+        self._add(_Reader(handler, on_detached, kinds, robot, is_active))
+
+    def subscribe_to_all(
+            self, handler: Callable[[Sequence[Event | RobotEvent]], None],
+            on_detached: Callable[[str], None] = lambda _: None,
+            kinds: Collection[type] = DETAILED) -> None:
+        """
+        Add a reader of the events of all robots, which gets several in one call.
+
+        An event of a robot with a name is a ``RobotEvent``.  The parameters are as above.
+        """
+        self._add(_Reader(handler, on_detached, kinds, None))
+
+    def has_readers(self, kind: type, robot: str = '') -> bool:
+        """
+        Return whether somebody needs the events of a type of a robot now; any thread may ask.
+
+        Who publishes often asks this before it makes an event.
+        """
+        for reader in self._find(robot, kind):
+            if reader.is_active is None or reader.is_active():
+                return True
+        return False
 
     def publish(self, event: Event, robot: str = '') -> None:
         """Put an event of a robot into a queue, and return at once; any thread may call this."""
-        for reader in self._readers:
-            if reader.robot == robot and reader.wants(event):
-                break
-        else:
+        if not self.has_readers(type(event), robot):
             return
         self._queue.put((event, robot))
         if self._thread is None:
@@ -160,12 +195,40 @@ class EventBus:
         """
         self.flush()
         with self._lock:
-            self._readers = ()
+            self._set_readers(())
             self._thread = None
         self._queue.put(None)
         self._hurry.set()
 
-    def _start(self, unfinished: _Call | None = None) -> None:
+    def _add(self, reader: _Reader) -> None:
+        with self._lock:
+            self._set_readers((*self._readers, reader))
+
+    def _set_readers(self, readers: tuple[_Reader, ...]) -> None:
+        # In this order: whoever gets the new index sees the new readers.
+        self._readers = readers
+        self._index = {}
+
+    def _find(self, robot: str, kind: type) -> tuple[_Reader, ...]:
+        index = self._index
+        if (known := index.get((robot, kind))) is not None:
+            return known
+        # In two steps: to look at the readers of all robots for each type takes long.
+        of_robot = index.get((robot, None))
+        if of_robot is None:
+            of_robot = index[robot, None] = tuple(
+                reader for reader in self._readers if reader.robot in (None, robot))
+        readers = index[robot, kind] = tuple(
+            reader for reader in of_robot if kind in reader.kinds)
+        if robot not in self._robots:
+            self._robots.add(robot)
+            self._reset_limit()
+        return readers
+
+    def _reset_limit(self) -> None:
+        self._limit = min(MAX_WAITING * len(self._robots), MAX_WAITING_OF_ALL)
+
+    def _start(self, unfinished: _Batch | None = None) -> None:
         thread = threading.Thread(target=self._run, args=(unfinished,), name='events', daemon=True)
         try:
             thread.start()
@@ -173,57 +236,88 @@ class EventBus:
             return
         self._thread = thread
 
-    def _run(self, unfinished: _Call | None) -> None:
+    def _run(self, unfinished: _Batch | None) -> None:
         if unfinished is not None and not self._pass_on(unfinished):
             return
-        while (item := self._queue.get()) is not None:
-            if callable(item):
-                item()
-            elif not self._pass_on(_Call(item[0], [
-                    reader for reader in self._readers if reader.robot == item[1]])):
+        while True:
+            self._take()
+            if events := self._taken_events():
+                if not self._pass_on(_Batch(self._parts(events))):
+                    return
+            elif (call := self._taken.popleft()) is None:
                 return
-            if self._queue.empty():
-                self._limit = MAX_WAITING
+            elif callable(call):
+                call()
+            if not self._taken and self._queue.empty():
+                self._reset_limit()
                 for reader in self._readers:
                     reader.busy = 0.0
                 self._hurry.wait(BATCH_PERIOD)
 
-    def _pass_on(self, call: _Call) -> bool:
+    def _take(self) -> None:
+        """Take what waits in the queue, at least one item, if nothing is left of the last time."""
+        if not self._taken:
+            self._taken.append(self._queue.get())
+            with contextlib.suppress(Empty):
+                while len(self._taken) < MAX_BATCH:
+                    self._taken.append(self._queue.get_nowait())
+
+    def _taken_events(self) -> list[tuple[Event, str]]:
+        events = []
+        while self._taken and isinstance(self._taken[0], tuple):
+            events.append(self._taken[0])
+            self._taken.popleft()
+        return events
+
+    def _parts(self, events: Sequence[tuple[Event, str]]) -> list[tuple[_Reader, list[Any]]]:
+        parts: dict[_Reader, list[Any]] = {}
+        for event, robot in events:
+            for reader in self._find(robot, type(event)):
+                parts.setdefault(reader, []).append(
+                    RobotEvent(robot, event) if robot and reader.robot is None else event)
+        return [(reader, [given] if reader.robot is None else given)
+                for reader, given in parts.items()]
+
+    def _pass_on(self, batch: _Batch) -> bool:
         """
-        Call each reader with an event.
+        Call each reader with its events.
 
         :returns: True if this thread has called all readers; False if one reader took too long, so
             that another thread calls the remaining readers
         """
-        self._call = call
-        while (reader := call.next_reader()) is not None:
+        self._batch = batch
+        while (part := batch.next_part()) is not None:
+            reader, arguments = part
             try:
-                reader.handle(call.event)
+                for argument in arguments:
+                    if batch.is_abandoned:
+                        break
+                    reader.handle(argument)
             except Exception as error:
                 self._detach(reader, error)
-            reader.busy += time.monotonic() - call.since
-        return not call.is_abandoned
+            reader.busy += time.monotonic() - batch.since
+        return not batch.is_abandoned
 
     def _detach_slowest_reader(self) -> None:
         """
         Detach the slowest reader, so that it gets no more events.
 
         If this reader still handles an event, the thread of the bus is blocked, and a new thread
-        takes its place at once.  The new thread passes this event to the readers that have not got
-        it yet, and then passes all later events to all readers that are not detached.
+        takes its place at once.  The new thread passes the events to the readers that have not got
+        them yet, and then passes all later events to all readers that are not detached.
         """
-        call, now = self._call, time.monotonic()
-        if call is None:
+        batch, now = self._batch, time.monotonic()
+        if batch is None:
             return
-        with call.lock:
+        with batch.lock:
             slowest = max(self._readers, default=None, key=lambda reader: (
-                reader.busy + (now - call.since) * (reader is call.current)))
+                reader.busy + (now - batch.since) * (reader is batch.current)))
             if slowest is None:
                 return
             rest = None
-            if slowest is call.current and not call.is_abandoned:
-                call.is_abandoned = True
-                rest = _Call(call.event, [*call.readers])
+            if slowest is batch.current and not batch.is_abandoned:
+                batch.is_abandoned = True
+                rest = _Batch([*batch.parts])
         self._detach(slowest, RuntimeError('it did not keep up'))
         if rest is not None:
             self._start(rest)
@@ -232,7 +326,7 @@ class EventBus:
         with self._lock:
             if reader not in self._readers:
                 return
-            self._readers = tuple(one for one in self._readers if one is not reader)
+            self._set_readers(tuple(one for one in self._readers if one is not reader))
             self.failures.append(error)
         # The thread of the bus reports this, because a publisher must not be delayed.
         self._queue.put(partial(self._report, reader, str(error)))

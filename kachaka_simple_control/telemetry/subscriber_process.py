@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 import contextlib
 from dataclasses import dataclass
 import fcntl
@@ -28,8 +28,11 @@ import time
 from typing import Any, BinaryIO, IO
 
 from kachaka_simple_control.control.events import (
+    DETAILED,
     Event,
+    FleetStarted,
     MotionPlanned,
+    RobotEvent,
     SessionEnded,
     SessionStarted,
 )
@@ -46,6 +49,8 @@ ATOMIC_WRITE_SIZE = 4096
 CHUNK_SIZE = 3500
 #: Room for data that a subscriber has not read yet [bytes]: about a minute of a drive at 50 Hz.
 PIPE_SIZE = 1 << 20
+#: Events that are sent while no robot moves.
+AT_REST = (FleetStarted, SessionStarted, MotionPlanned)
 #: How long an event that is not sent while the robot moves may wait for room in the pipe [s].
 PLAN_WRITE_TIMEOUT = 2.0
 #: How long a subscriber may take to end, mostly to write its report [s].
@@ -66,15 +71,20 @@ class Chunk:
     is_last: bool
 
 
-def encode(event: object) -> list[bytes]:
+def encode(*events: object) -> list[bytes]:
     """
-    Convert an event to packets, each of which is one write to a pipe.
+    Convert events to packets, each of which is one write to a pipe.
 
-    A pipe takes each packet whole or not at all, so several threads may write to it.
+    A pipe takes each packet whole or not at all, so several threads may write to it.  Events in
+    one packet take less room and time than in one each.
     """
-    data = pickle.dumps(event, pickle.HIGHEST_PROTOCOL)
+    data = pickle.dumps(
+        events[0] if len(events) == 1 else [*events], pickle.HIGHEST_PROTOCOL)
     if len(data) <= ATOMIC_WRITE_SIZE:
         return [data]
+    if len(events) > 1:
+        middle = len(events) // 2
+        return encode(*events[:middle]) + encode(*events[middle:])
     starts = range(0, len(data), CHUNK_SIZE)
     return [pickle.dumps(Chunk(data[start:start + CHUNK_SIZE], start == starts[-1]),
                          pickle.HIGHEST_PROTOCOL) for start in starts]
@@ -88,12 +98,19 @@ def decode(stream: BinaryIO) -> Iterator[Any]:
             event = pickle.load(stream)  # from the process that started this one
         except (EOFError, pickle.UnpicklingError):
             return
+        if isinstance(event, list):
+            yield from event
+            continue
         if isinstance(event, Chunk):
             chunks += event.data
             if not event.is_last:
                 continue
             event, chunks = pickle.loads(chunks), b''
         yield event
+
+
+def _is_at_rest(event: Event | RobotEvent) -> bool:
+    return isinstance(event.event if isinstance(event, RobotEvent) else event, AT_REST)
 
 
 class SubscriberProcess:
@@ -129,21 +146,23 @@ class SubscriberProcess:
         #: exit code of the process; None while it runs
         self.exit_code: int | None = None
 
-    def send(self, event: Event) -> None:
-        """
-        Send an event, unless the pipe is full or the process has ended: ``failure`` says why then.
+    def send(self, event: Event | RobotEvent) -> None:
+        """Send an event, as ``send_all`` does."""
+        self.send_all((event,))
 
-        Events at rest (``SessionStarted``, ``MotionPlanned``, those of several writes) wait for
-        room for up to PLAN_WRITE_TIMEOUT.
+    def send_all(self, events: Sequence[Event | RobotEvent]) -> None:
+        """
+        Send events, unless the pipe is full or the process has ended: ``failure`` says why then.
+
+        Events at rest (AT_REST, and those of several writes) wait for room for up to
+        PLAN_WRITE_TIMEOUT.
         """
         if self.failure is not None:
             return
         try:
-            packets = encode(event)
-            if len(packets) > 1 or isinstance(event, (SessionStarted, MotionPlanned)):
-                self._send_with_timeout(packets)
-            else:
-                self._write(packets[0])
+            packets = encode(*events)
+            may_wait = len(packets) > len(events) or any(map(_is_at_rest, events))
+            self._write_all(packets, PLAN_WRITE_TIMEOUT if may_wait else 0.0)
         except BlockingIOError:
             self.failure = 'it did not keep up'
         except OSError as error:
@@ -171,9 +190,9 @@ class SubscriberProcess:
                 self.exit_code = self._process.wait()
         return self.exit_code
 
-    def _send_with_timeout(self, packets: Sequence[bytes]) -> None:
+    def _write_all(self, packets: Sequence[bytes], timeout: float) -> None:
         # The chunks of two events must not be mixed, but a whole event may come between chunks.
-        end = time.monotonic() + PLAN_WRITE_TIMEOUT
+        end = time.monotonic() + timeout
         with self._chunk_lock:
             for packet in packets:
                 while True:
@@ -220,10 +239,15 @@ class SubscriberProcesses:
         self.add(subscriber)
         return subscriber
 
-    def add(self, subscriber: SubscriberProcess) -> None:
-        """Send all events from now on to a process; pipes are closed in the same order."""
+    def add(
+            self, subscriber: SubscriberProcess, kinds: Collection[type] = DETAILED) -> None:
+        """
+        Send all events of some types from now on to a process, of all robots.
+
+        Pipes are closed in the same order.
+        """
         self._subscribers.append(subscriber)
-        self._event_bus.subscribe(subscriber.send, subscriber.fail)
+        self._event_bus.subscribe_to_all(subscriber.send_all, subscriber.fail, kinds)
 
     def __enter__(self) -> SubscriberProcesses:
         """Return this object."""

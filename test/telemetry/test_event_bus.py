@@ -16,9 +16,16 @@
 import threading
 import time
 
-from kachaka_simple_control.control.events import MotionStarted
+from kachaka_simple_control.control.events import (
+    MotionEnded,
+    MotionStarted,
+    ProgressMade,
+    RobotEvent,
+    VelocitySent,
+)
 from kachaka_simple_control.telemetry import event_bus as event_bus_module
 from kachaka_simple_control.telemetry.event_bus import EventBus
+from messages import of_plan
 import pytest
 
 
@@ -46,15 +53,83 @@ def test_all_readers_get_all_events_in_order():
 
 
 def test_an_event_that_nobody_wants_wakes_no_thread():
-    bus, events, seen = EventBus(), events_of(20), []
-    bus.subscribe(seen.append, wants=lambda event: event is events[7])
-    for event in events[:7]:
+    bus, seen = EventBus(), []
+    bus.subscribe(seen.append, kinds=(MotionEnded,))
+    for event in events_of(7):
         bus.publish(event)
     assert bus._thread is None
-    for event in events[7:]:
-        bus.publish(event)
+    bus.publish(MotionEnded(1.0))
     assert bus.flush(10.0)
-    assert seen == [events[7]]
+    assert seen == [MotionEnded(1.0)]
+
+
+def test_who_publishes_may_ask_whether_somebody_reads():
+    bus, is_active = EventBus(), True
+    assert not bus.has_readers(VelocitySent, 'r1')
+    bus.subscribe(list, kinds=(VelocitySent,), robot='r1', is_active=lambda: is_active)
+    assert bus.has_readers(VelocitySent, 'r1')
+    assert not bus.has_readers(VelocitySent, 'r2')
+    assert not bus.has_readers(VelocitySent)
+    assert not bus.has_readers(MotionEnded, 'r1')
+    is_active = False
+    assert not bus.has_readers(VelocitySent, 'r1')
+    bus.publish(of_plan(1.0), 'r1')
+    assert bus._thread is None
+    bus.subscribe_to_all(list)
+    assert bus.has_readers(VelocitySent, 'r1')
+    assert bus.has_readers(VelocitySent, 'r2')
+    assert not bus.has_readers(ProgressMade, 'r2'), 'only who asks for it gets it'
+    bus.close()
+    assert not bus.has_readers(VelocitySent, 'r1')
+
+
+def test_a_reader_gets_the_events_of_one_robot_or_of_all_with_their_names():
+    bus, one, alone, every = EventBus(), [], [], []
+    bus.subscribe(one.append, robot='r1')
+    bus.subscribe(alone.append)
+    bus.subscribe_to_all(every.extend)
+    events = events_of(90)
+    for number, event in enumerate(events):
+        bus.publish(event, ('', 'r1', 'r2')[number % 3])
+    assert bus.flush(10.0)
+    assert one == events[1::3]
+    assert alone == events[::3]
+    assert every == [RobotEvent(name, event) if name else event for name, event in zip(
+        ('', 'r1', 'r2') * 30, events)]
+
+
+def test_a_reader_of_all_gets_what_has_gathered_in_few_calls():
+    bus, calls = EventBus(), []
+    bus.subscribe_to_all(calls.append)
+    for number, event in enumerate(events_of(2000)):
+        bus.publish(event, f'r{number % 50}')
+    assert bus.flush(10.0)
+    assert sum(map(len, calls)) == 2000
+    assert len(calls) < 200
+
+
+def test_one_thread_passes_on_the_events_of_all_robots():
+    bus, threads = EventBus(), set()
+    for number in range(50):
+        bus.subscribe(lambda _: threads.add(threading.get_ident()), robot=f'r{number}')
+    for number in range(500):
+        bus.publish(MotionEnded(1.0), f'r{number % 50}')
+    assert bus.flush(10.0)
+    assert len(threads) == 1
+
+
+@pytest.mark.usefixtures('few')
+def test_of_more_robots_more_events_may_wait():
+    bus, release, seen = EventBus(), threading.Event(), []
+    for name in ('r1', 'r2', 'r3'):
+        bus.publish(MotionEnded(0.0), name)
+    bus.subscribe_to_all(lambda events: (release.wait(10.0), seen.extend(events)))
+    for number in range(140):
+        bus.publish(MotionEnded(1.0), f'r{number % 3 + 1}')
+    release.set()
+    assert bus.flush(10.0)
+    assert len(seen) == 140
+    assert not bus.failures
 
 
 def test_a_reader_that_raises_is_detached():

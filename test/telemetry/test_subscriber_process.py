@@ -24,11 +24,14 @@ from hypothesis import strategies as st
 from kachaka_simple_control.control.events import (
     MotionPlanned,
     MotionStarted,
+    OdometryReceived,
+    RobotEvent,
     SessionEnded,
+    VelocityKind,
     VelocitySent,
 )
 from kachaka_simple_control.errors import RunFaultError
-from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.process.signals import signal_dispatcher
@@ -41,6 +44,7 @@ from kachaka_simple_control.telemetry.subscriber_process import (
     SubscriberProcess,
     SubscriberProcesses,
 )
+from messages import of_plan
 import pytest
 
 LONG = MotionPlanned(
@@ -67,6 +71,38 @@ def test_what_is_written_is_what_is_read(events):
     packets = [packet for event in events for packet in encode(event)]
     assert all(len(packet) <= ATOMIC_WRITE_SIZE for packet in packets)
     assert list(decode(io.BytesIO(b''.join(packets)))) == events
+
+
+@given(st.lists(st.lists(st.one_of(
+    st.just(LONG), st.builds(RobotEvent, st.sampled_from(['r1', 'r2']), st.builds(
+        VelocitySent, st.floats(0.0, 1e6),
+        st.builds(Velocity, st.floats(-1, 1), st.floats(-2, 2)), st.just(VelocityKind.PLAN)))),
+    min_size=1, max_size=60), max_size=4))
+def test_events_that_are_written_together_are_read_one_by_one(batches):
+    packets = [packet for batch in batches for packet in encode(*batch)]
+    assert all(len(packet) <= ATOMIC_WRITE_SIZE for packet in packets)
+    assert list(decode(io.BytesIO(b''.join(packets)))) == [
+        event for batch in batches for event in batch]
+
+
+def test_velocities_that_are_written_together_take_little_room():
+    """A second of 50 robots at 20 Hz with odometry: the pipe has room for some seconds."""
+    events = [RobotEvent(f'r{number}', event) for number in range(50) for event in (
+        of_plan(1000.0 + number / 3.0, Velocity(0.1 + number / 7.0, 0.3)),
+        OdometryReceived(1000.0 + number / 3.0, Pose(number / 3.0, number / 7.0, 0.1)))]
+    assert sum(map(len, encode(*events))) < 100 * len(events)
+
+
+def test_a_subscriber_of_all_robots_receives_each_event():
+    event_bus = EventBus()
+    subscribers, subscriber = SubscriberProcesses(event_bus), subscriber_of(COUNT)
+    subscribers.add(subscriber, {VelocitySent})
+    for number in range(100):
+        event_bus.publish(MotionStarted(1.0), f'r{number % 50}')
+        event_bus.publish(of_plan(1.0), f'r{number % 50}')
+    assert event_bus.flush(10.0)
+    assert subscriber.close(20.0) == 100
+    assert subscriber.failure is None
 
 
 def test_an_event_that_was_cut_off_is_dropped():
