@@ -29,6 +29,7 @@ from kachaka_simple_control.control.timing import (
     FEEDBACK_TIMEOUT,
     GRAPH_CHECK_PERIOD,
     GRAPH_COUNT_PERIOD,
+    GRAPH_COUNT_SHARE,
     HEARTBEAT_TIMEOUT,
     LEASE_RENEW_AT_REST,
     LEASE_RENEW_LATEST,
@@ -209,6 +210,7 @@ class DriveMonitor:
         self.pause_pose = PausePose()
         self._checked = float('-inf')
         self._graph_counted = self._graph_checked = float('-inf')
+        self._count_period, self._check_period = GRAPH_COUNT_PERIOD, GRAPH_CHECK_PERIOD
         #: whether other programs have publishers of velocities
         self._has_others = False
 
@@ -316,7 +318,7 @@ class DriveMonitor:
             raise PauseTimeoutError(
                 f'paused for {self._pause_timeout:g} s (parameter pause_timeout): the motion was '
                 'ended, and the robot released')
-        if now - self._graph_counted >= GRAPH_COUNT_PERIOD:
+        if now - self._graph_counted >= self._count_period:
             self.wait_for_dds(partial(self.check_graph, now))
         if self._held_since is not None and not (
                 self._is_released or self._speed_factor.is_hold):
@@ -350,6 +352,17 @@ class DriveMonitor:
         age = self._odometry.age(now)
         return age is not None and 0.0 < self._odometry_timeout < age
 
+    def share_graph(self, number: int, count: int) -> None:
+        """
+        Ask the graph as one of many robots, which do so one after the other.
+
+        :param number: of this robot, from 0
+        """
+        self._count_period = max(GRAPH_COUNT_PERIOD, count * GRAPH_COUNT_SHARE)
+        self._check_period = GRAPH_CHECK_PERIOD / GRAPH_COUNT_PERIOD * self._count_period
+        self._graph_counted -= number / count * self._count_period
+        self._graph_checked -= number / count * self._check_period
+
     def check_graph(self, now: float) -> None:
         """
         Check by the ROS graph that the same robot subscribes, alone; ``check`` does so as well.
@@ -360,7 +373,7 @@ class DriveMonitor:
         # While there are others, this node subscribes as well: if that began when the robot left,
         # no number has changed.
         if (self._robot.has_changed() or self._has_others
-                or now - self._graph_checked >= GRAPH_CHECK_PERIOD):
+                or now - self._graph_checked >= self._check_period):
             self._graph_checked = now
             self._robot.check_identity()
             self._robot.check_exclusive()

@@ -93,6 +93,19 @@ class DriveRequests:
                 raise previous.stopped_by
         return request
 
+    def renew(self, request: DriveRequest) -> None:
+        """
+        Let an accepted request drive once more, after a drive that was complete.
+
+        :raises ControlError: if another thread has stopped it since
+        """
+        # The order matters: a stop at this moment finds either the new permits or the old ones.
+        before, request.permits = request.permits, {
+            gate: gate.prepare() for gate in request.permits}
+        for permit in before.values():
+            if permit.ended_by is not None:
+                raise permit.ended_by
+
     def is_ending(self, gates: Iterable[VelocityGate]) -> bool:
         """Return whether another thread still has to end a drive that was stopped as a whole."""
         return any(

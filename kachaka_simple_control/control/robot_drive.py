@@ -25,6 +25,7 @@ from kachaka_simple_control.control.events import (
     DriveState,
     MotionEnded,
     MotionStarted,
+    ProgressMade,
     SpeedFactorChanged,
     StateChanged,
     VelocityKind,
@@ -92,6 +93,8 @@ class DriveProgress:
 
 #: A velocity is late if it is sent this fraction of a period or more after its due time.
 LATE = 0.25
+#: How often ``ProgressMade`` is published, for readers of many robots [s].
+PROGRESS_PERIOD = 0.25
 
 
 class RobotDrive:
@@ -125,6 +128,9 @@ class RobotDrive:
         self._due = 0.0
         #: when the monitor last checked for faults [s on the steady clock]
         self._checked = -math.inf
+        #: when ``ProgressMade`` was published last [s on the steady clock], and the largest
+        #: lateness of a velocity since [s]
+        self._shown, self._lateness = -math.inf, 0.0
         #: whether the source has changed since its last ``due`` call
         self._has_source_changed = False
         self._state = self._state_before = DriveState.READY
@@ -175,7 +181,9 @@ class RobotDrive:
 
     def step(self, now: float, woken: float | None = None) -> float | None:
         """
-        Check for faults, and send a velocity if one is due.
+        Send the velocity that is due; without one check for faults.
+
+        So the velocities of many robots that are due together are not apart by their checks.
 
         :param woken: when the thread has woken up [s]: from then on the time to the next check is
             measured, so that the next checks of all its robots need one wake-up; None: now
@@ -187,12 +195,13 @@ class RobotDrive:
         permit, source, gate = self._permit, self._source, self.gate
         assert source is not None
         gate.check(permit)
-        # Above 80 Hz not each velocity needs a check: it takes as long as a third of a velocity.
         woken = now if woken is None else woken
-        if woken - self._checked >= CHECK_PERIOD / 2.0:
+        is_due = now >= permit.began + self._due or self._has_source_changed
+        # A thread that has too much to do checks before the velocity, not never.
+        if not is_due or woken - self._checked > 2.0 * CHECK_PERIOD:
             self._checked = woken
             self.monitor.check(now)
-        if now < permit.began + self._due and not self._has_source_changed:
+        if not is_due:
             return min(permit.began + self._due, self._checked + CHECK_PERIOD)
         # Clear the flag before the call of the source: a change during the call then counts for
         # the next step.
@@ -218,9 +227,12 @@ class RobotDrive:
         self._tick, self._due = tick, tick.start
         sent = gate.send(permit, velocity, kind, tick.start, tick.plan_time, source.skipped)
         self._count(sent)
+        self._show(sent, tick)
         self.monitor.on_sent(sent, tick.rest if velocity.is_zero else 0.0)
         self._due = tick.deadline
-        return min(permit.began + tick.deadline, self._checked + CHECK_PERIOD)
+        # Above 80 Hz not each velocity needs a check: it takes as long as a third of a velocity.
+        return min(permit.began + tick.deadline, self._checked + (
+            CHECK_PERIOD if woken - self._checked < CHECK_PERIOD / 2.0 else 0.0))
 
     def on_source_changed(self) -> None:
         """Make ``step`` ask the source for its new velocity at once; for any thread."""
@@ -251,11 +263,13 @@ class RobotDrive:
 
     def finish(self, now: float, reason: str | None = None, is_fault: bool = True) -> None:
         """
-        Record that the newest drive is over.
+        Record that the newest drive is over, unless that was done.
 
         :param reason: why it ended early; None if it was complete
         :param is_fault: whether an error ended it early; false if somebody requested the end
         """
+        if self._progress.is_over:
+            return
         self._progress = replace(self.progress, is_over=True, ended_by=reason)
         self.gate.publish(MotionEnded(now, reason, is_fault))
         self._update(now)
@@ -301,6 +315,12 @@ class RobotDrive:
         if progress.is_over:
             return DriveState.STOPPED if progress.ended_by is None else DriveState.CUT_SHORT
         return DriveState.PAUSED if self._is_held else DriveState.DRIVING
+
+    def _show(self, sent: float, tick: Tick) -> None:
+        self._lateness = max(self._lateness, sent - self._permit.began - tick.start)
+        if sent - self._shown >= PROGRESS_PERIOD and self.gate.has_readers(ProgressMade):
+            self.gate.publish(ProgressMade(sent, tick.plan_time, tick.velocity, self._lateness))
+            self._shown, self._lateness = sent, 0.0
 
     def _count(self, sent: float) -> None:
         """Count late and skipped velocities."""

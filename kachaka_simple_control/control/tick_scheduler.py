@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterator
+from functools import cached_property
 import math
 from operator import attrgetter
 from typing import NamedTuple, Protocol
@@ -94,6 +95,8 @@ class TickScheduler:
         #: how many ticks the newest call of ``due`` left out, because they were too late
         self.skipped = 0
         self._factor = 1.0
+        #: by how much the plan is late while it is driven as planned [s]
+        self._delay = 0.0
         #: the current trajectory if it is not driven as planned; None otherwise
         self._replanned: _ReplannedTrajectory | None = None
         #: the velocity before the current tick
@@ -111,6 +114,35 @@ class TickScheduler:
         if self._tick is not None and factor != self._factor:
             self._change_factor(self._tick, factor)
         return self._tick
+
+    @property
+    def delay(self) -> float | None:
+        """
+        Return by how much the plan is late [s].
+
+        None while a trajectory is driven that was planned anew: its end says by how much.
+        """
+        if self._replanned is None:
+            return self._delay
+        tick, rest = self._tick, self.rest
+        return None if tick is None or rest is None else tick.start - rest
+
+    @property
+    def rest(self) -> float | None:
+        """
+        Return the plan time at which the robot, at rest before the current tick, goes on [s].
+
+        None if it moves before it, or is in the middle of a rest.
+        """
+        if self._replanned is not None:
+            return self._replanned.plan_start if self._replanned.begins_at_rest else None
+        time = None if self._tick is None else self._tick.plan_time
+        return time if time in self._rests else None
+
+    @cached_property
+    def _rests(self) -> frozenset[float | None]:
+        """Return the plan times at which the robot begins to move from rest."""
+        return frozenset(_rests(self._plan))
 
     def _pass(self, tick: Tick) -> None:
         self._before = Sent(tick.velocity, tick.deadline - tick.start)
@@ -155,7 +187,7 @@ class TickScheduler:
 
     def _as_planned(self, first: int, delay: float) -> Iterator[Tick]:
         """Yield the velocities of the plan from a segment on, all with the same delay [s]."""
-        period = self._plan.period
+        period, self._delay = self._plan.period, delay
         for index in range(first, len(self._plan.segments)):
             segment = self._plan.segments[index]
             number, start, end = 0, segment.start, segment.end
@@ -191,6 +223,11 @@ class _ReplannedTrajectory:
         self.trajectory: Trajectory = plan.steps[step].trajectories[number]
         #: the state at the start of the newest tick
         self._state = self._end = state or PathState(0.0)
+
+    @property
+    def begins_at_rest(self) -> bool:
+        """Whether its first tick is the current one, and the robot stood still before."""
+        return not self.has_begun and not self._reached
 
     def begin(self, factor: float) -> bool:
         """Begin the trajectory; return whether it can be driven exactly as in the plan."""
@@ -250,6 +287,15 @@ def _at_plan_time(plan: Plan, time: float) -> _ReplannedTrajectory:
         return _ReplannedTrajectory(
             plan, step, number, start, 0.0, trajectories[number].state_at(time - start))
     return _ReplannedTrajectory(plan, step, number, start, _velocity_before(plan, step, number))
+
+
+def _rests(plan: Plan) -> Iterator[float]:
+    for step, planned in enumerate(plan.steps):
+        start = planned.start
+        for number, trajectory in enumerate(planned.trajectories):
+            if trajectory.duration and not _velocity_before(plan, step, number):
+                yield start
+            start += trajectory.duration
 
 
 def _velocity_before(plan: Plan, step: int, number: int) -> float:

@@ -160,6 +160,9 @@ STOP_REQUEST_WINDOW = 0.05
 #: How often to compare the numbers of publishers and subscribers on the topics of a robot; if one
 #: has changed, the identity is checked.  Measured: it takes less than 10 us.
 GRAPH_COUNT_PERIOD = 0.2
+#: Of more robots than 40, the numbers of one are compared in this time [s]; both periods grow.
+#: Measured: with 200 robots one comparison takes 0.35 ms, and the identity 0.8 ms more.
+GRAPH_COUNT_SHARE = 0.005
 #: How often to check the identity of the publishers and subscribers when their numbers have not
 #: changed.  Measured: it takes 0.1 ms.
 GRAPH_CHECK_PERIOD = 1.0

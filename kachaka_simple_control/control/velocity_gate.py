@@ -127,6 +127,8 @@ class VelocityGate:
         self._permit: Permit | None = None
         #: puts an event into a queue, and returns at once
         self.publish: Callable[[Event], None] = lambda _: None
+        #: returns whether somebody needs the events of a type
+        self.has_readers: Callable[[type], bool] = lambda _: True
         #: time of the driving thread in DDS calls; all gates of this thread share one object
         self.port_time = PortTime()
         #: makes the thread that drives check at once whether its drive was ended
@@ -216,9 +218,10 @@ class VelocityGate:
                 after = self._gap_clock()
                 self.port_time.total += after - before
             self._publish_guardian_stop(now)
-            self.publish(VelocitySent(
-                now, command, kind, due, plan_time, skipped,
-                None if command is velocity else velocity))
+            if self.has_readers(VelocitySent):
+                self.publish(VelocitySent(
+                    now, command, kind, due, plan_time, skipped,
+                    None if command is velocity else velocity))
             permit.last_sent, permit.waited_before = after, self.port_time.total
             # If the program was frozen during the DDS call, the guardian has stopped the robot by
             # now.  Without this check the program would start its own stop only at the next tick.
@@ -279,7 +282,8 @@ class VelocityGate:
             finally:
                 self._sending.clear()
             self._publish_guardian_stop(now)
-            self.publish(VelocitySent(now, ZERO, kind))
+            if self.has_readers(VelocitySent):
+                self.publish(VelocitySent(now, ZERO, kind))
             return True
 
     def _publish_guardian_stop(self, now: float) -> None:

@@ -71,6 +71,27 @@ def test_one_drive_at_a_time(bench):
     bench.drive()
 
 
+@pytest.mark.parametrize('stop', [Bench.stop, Bench.stop_from_outside])
+def test_a_stop_between_two_rounds_ends_the_drive(bench, stop):
+    """Also one by the thread that has requested it, for another may drive."""
+    request = bench.requests.accept([bench.gate])
+    bench.gate.begin(0.2, request.permits[bench.gate])
+    bench.requests.renew(request)
+    bench.gate.begin(0.2, request.permits[bench.gate])
+    stop(bench)
+    with pytest.raises(MotionRefusedError, match='from outside'):
+        bench.requests.renew(request)
+
+
+def test_a_stop_before_the_next_round_begins_ends_it(bench):
+    request = bench.requests.accept([bench.gate])
+    bench.gate.begin(0.2, request.permits[bench.gate])
+    bench.requests.renew(request)
+    bench.stop()
+    with pytest.raises(MotionRefusedError, match='from outside'):
+        bench.gate.begin(0.2, request.permits[bench.gate])
+
+
 def test_a_drive_that_has_not_begun_is_ended_by_a_stop(bench):
     request = bench.requests.accept([bench.gate])
     bench.stop_from_outside()

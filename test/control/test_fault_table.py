@@ -32,6 +32,7 @@ from kachaka_simple_control.control.events import (
     DriveState,
     MotionEnded,
     MotionStarted,
+    ProgressMade,
     SpeedFactorChanged,
     StateChanged,
     StopConfirmed,
@@ -258,7 +259,8 @@ def assert_stopped(robot, error):
     assert sum(event in zeros and event.kind is VelocityKind.STOP
                for event in robot.events[:stopping]) == 1
     assert [type(event) for event in robot.events
-            if not isinstance(event, (VelocitySent, StateChanged, SpeedFactorChanged))] == [
+            if not isinstance(event, (
+                VelocitySent, StateChanged, SpeedFactorChanged, ProgressMade))] == [
         MotionStarted, StopConfirmed, MotionEnded]
     assert StopConfirmed(pytest.approx(robot.time.now)) in robot.events
     assert robot.velocity == ZERO

@@ -13,10 +13,13 @@
 # limitations under the License.
 """Which of the received messages this program has sent, at random."""
 
+import threading
+
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.control.sent_messages import SentMessages
+from kachaka_simple_control.control.sent_messages import MAX_QUEUED, SentMessages
 from kachaka_simple_control.control.timing import MAX_GUARDIAN_DELAY, MAX_TRANSIT_TIME
+import pytest
 
 ZERO, FORWARD, LEFT, FOREIGN = b'zero', b'forward', b'left', b'foreign'
 OWN = st.lists(st.sampled_from([ZERO, FORWARD, LEFT]), max_size=40)
@@ -68,3 +71,34 @@ def test_old_messages_are_discarded_when_a_subscription_begins():
     log.discard_old(1.0 + MAX_TRANSIT_TIME)
     assert not log.consume(FORWARD, False, 1.1)
     assert log.consume(LEFT, False, 1.1)
+
+
+@pytest.mark.parametrize('rate', [10.0, 1000.0])
+def test_what_is_kept_does_not_grow_in_a_long_drive(rate):
+    log = SentMessages()
+    for number in range(20_000):
+        log.record(number / rate, b'%d' % number)
+    assert MAX_QUEUED < len(log._sent) <= MAX_QUEUED + rate * MAX_TRANSIT_TIME + 2
+
+
+@pytest.mark.parametrize('rate', [10.0, 1000.0])
+def test_a_full_queue_that_is_read_late_is_ours(rate):
+    """The oldest in it was sent long ago, and the newest messages are still on their way."""
+    log, number = SentMessages(), 5000
+    for index in range(number):
+        log.record(index / rate, b'%d' % index)
+    in_transit = int(rate * MAX_TRANSIT_TIME)
+    queued = range(number - in_transit - MAX_QUEUED, number - in_transit)
+    assert all(log.consume(b'%d' % index, False, number / rate) for index in queued)
+
+
+def test_one_may_record_while_another_consumes():
+    log, total, alien = SentMessages(), 2000, []
+    recorder = threading.Thread(
+        target=lambda: [log.record(0.0, b'%d' % number) for number in range(total)])
+    recorder.start()
+    while recorder.is_alive():
+        alien.append(log.consume(FOREIGN, False, 0.0))
+    recorder.join()
+    assert not any(alien)
+    assert all(log.consume(b'%d' % number, False, 0.0) for number in range(total))

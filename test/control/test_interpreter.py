@@ -11,12 +11,14 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The garbage collector: old objects are left out of it during a run, and it is restored."""
+"""The interpreter in a drive: old objects are left out of collections, a busy thread gives way."""
 
 import gc
+import sys
+import threading
 import time
 
-from kachaka_simple_control.control.drive_loop import old_objects_frozen
+from kachaka_simple_control.control.drive_loop import interpreter_prepared
 import pytest
 
 #: How long a collection may take [s of the thread's CPU time].
@@ -60,7 +62,7 @@ def test_a_million_objects_are_not_searched(many, collections, is_frozen):
     kept = [[] for _ in range(100)]
     collections.clear()
     try:
-        with old_objects_frozen():
+        with interpreter_prepared():
             collect_as_a_drive_does()
         assert len(collections) > 20
         # The machine may be busy; without the block it is fifty times as long.
@@ -71,21 +73,44 @@ def test_a_million_objects_are_not_searched(many, collections, is_frozen):
 
 
 def state():
-    """Return the state of the collector."""
-    return gc.isenabled(), gc.get_threshold(), gc.get_freeze_count()
+    """Return the settings of the interpreter that a drive changes."""
+    return gc.isenabled(), gc.get_threshold(), gc.get_freeze_count(), sys.getswitchinterval()
 
 
 @pytest.mark.parametrize('prepare', [
     lambda: None, gc.disable, lambda: gc.set_threshold(100, 5, 7), gc.freeze])
-def test_afterwards_the_collector_is_as_it_was_found(prepare):
+def test_afterwards_the_interpreter_is_as_it_was_found(prepare):
     enabled, thresholds = gc.isenabled(), gc.get_threshold()
     try:
         prepare()
         before = state()
-        with pytest.raises(KeyError), old_objects_frozen():
+        with pytest.raises(KeyError), interpreter_prepared():
             raise KeyError
         assert state() == before
     finally:
         gc.unfreeze()
         gc.set_threshold(*thresholds)
         (gc.enable if enabled else gc.disable)()
+
+
+def test_a_busy_thread_holds_up_a_drive_for_less_than_a_millisecond():
+    """The interpreter's own interval of 5 ms would pass each time that a drive calls DDS."""
+    is_over, waits = threading.Event(), []
+
+    def be_busy():
+        while not is_over.is_set():
+            sum(range(1000))
+
+    busy = threading.Thread(target=be_busy)
+    busy.start()
+    try:
+        with interpreter_prepared():
+            for _ in range(100):
+                began = time.monotonic()
+                time.sleep(0)  # gives the lock away, as a call of DDS does
+                waits.append(time.monotonic() - began)
+    finally:
+        is_over.set()
+        busy.join()
+    # Most, for the machine may be busy.
+    assert sorted(waits)[60] < 0.002
