@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 import math
 import struct
 
@@ -32,8 +33,15 @@ NANO = 1_000_000_000
 #: The number of bytes from the start of the velocity, and from the start of the pose, to the end
 #: of a serialized Odometry message.  A covariance of 36 numbers follows the pose and the velocity.
 VELOCITY_TO_END, POSE_TO_END = (6 + 36) * 8, (7 + 36 + 6 + 36) * 8
-#: A covariance matrix of zeros means that the covariance is unknown.
-COVARIANCE = (0.0,) * 36
+#: The numbers of a velocity, and of an Odometry message with covariances of zeros, which mean that
+#: they are unknown; as ``struct`` wants them.
+TWIST_NUMBERS = '6d'
+ODOMETRY_NUMBERS = f'7d{36 * 8}x6d{36 * 8}x'
+TWIST = struct.Struct(f'<4s{TWIST_NUMBERS}')
+#: How the numbers of a Twist are read: big-endian, little-endian.
+TWIST_READERS = struct.Struct(f'>{TWIST_NUMBERS}'), struct.Struct(f'<{TWIST_NUMBERS}')
+#: How many combinations of frames are kept: more than a fleet has.
+MAX_LAYOUTS = 1024
 
 
 class CdrWriter:
@@ -68,24 +76,44 @@ class CdrWriter:
         """Append a ``std_msgs/msg/Header`` with a time stamp [ns], and return this writer."""
         return self.append(struct.pack('<iI', *divmod(time, NANO)), 4).string(frame)
 
-    def velocity(self, velocity: Velocity) -> CdrWriter:
-        """Append a velocity as a ``geometry_msgs/msg/Twist``, and return this writer."""
-        return self.doubles(velocity.linear_x, 0.0, 0.0, 0.0, 0.0, velocity.angular_z)
-
     def pose(self, pose: Pose) -> CdrWriter:
         """Append a pose as a ``geometry_msgs/msg/Pose``, and return this writer."""
         half = pose.theta / 2.0
         return self.doubles(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
 
 
+@lru_cache(MAX_LAYOUTS)
+def _layout(numbers: str, *names: str) -> tuple[struct.Struct, bytes]:
+    """
+    Return how a message with a header is packed, and what its names are packed to.
+
+    :param names: the frame of the header, and the texts between it and the numbers
+    """
+    writer = CdrWriter().header(0, names[0])
+    for name in names[1:]:
+        writer.string(name)
+    packed = bytes(writer.append(b'', 8).data[STAMP_SIZE:])
+    return struct.Struct(f'<4siI{len(packed)}s{numbers}'), packed
+
+
 def twist(velocity: Velocity) -> bytes:
     """Return a velocity as a serialized ``geometry_msgs/msg/Twist``."""
-    return CdrWriter().velocity(velocity).message()
+    return TWIST.pack(
+        ENCAPSULATION, velocity.linear_x, 0.0, 0.0, 0.0, 0.0, velocity.angular_z)
 
 
 def twist_stamped(velocity: Velocity, time: int, frame: str) -> bytes:
     """Return a serialized ``geometry_msgs/msg/TwistStamped`` with a time stamp [ns]."""
-    return CdrWriter().header(time, frame).velocity(velocity).message()
+    layout, names = _layout(TWIST_NUMBERS, frame)
+    return layout.pack(
+        ENCAPSULATION, *divmod(time, NANO), names,
+        velocity.linear_x, 0.0, 0.0, 0.0, 0.0, velocity.angular_z)
+
+
+def read_twist(data: bytes) -> Velocity:
+    """Read a serialized Twist message; its numbers may be NaN or infinite."""
+    linear_x, *_, angular_z = TWIST_READERS[data[1] & 1].unpack_from(data, len(ENCAPSULATION))
+    return Velocity(linear_x, angular_z)
 
 
 def float64(value: float) -> bytes:
@@ -93,11 +121,15 @@ def float64(value: float) -> bytes:
     return CdrWriter().doubles(value).message()
 
 
-def odometry(pose: Pose, velocity: Velocity, time: int) -> bytes:
-    """Return a serialized ``nav_msgs/msg/Odometry`` with its time of arrival as stamp [ns]."""
-    return (CdrWriter().header(time, ODOM).string(BASE)
-            .pose(pose).doubles(*COVARIANCE)
-            .velocity(velocity).doubles(*COVARIANCE).message())
+def odometry(
+        pose: Pose, velocity: Velocity, time: int, frame: str = ODOM, child: str = BASE) -> bytes:
+    """Return a serialized ``nav_msgs/msg/Odometry`` with a time stamp [ns]."""
+    layout, names = _layout(ODOMETRY_NUMBERS, frame, child)
+    half = pose.theta / 2.0
+    return layout.pack(
+        ENCAPSULATION, *divmod(time, NANO), names,
+        pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half),
+        velocity.linear_x, 0.0, 0.0, 0.0, 0.0, velocity.angular_z)
 
 
 def read_odometry(data: bytes) -> tuple[bytes, int, Pose, Velocity]:

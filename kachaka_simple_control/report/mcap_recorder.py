@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 import importlib.util
 import json
@@ -31,6 +31,7 @@ from kachaka_simple_control.control.events import (
     MotionPlanned,
     MotionStarted,
     OdometryReceived,
+    RobotEvent,
     SessionStarted,
     SpeedFactorChanged,
     VelocitySent,
@@ -44,8 +45,10 @@ if TYPE_CHECKING:
     from mcap.writer import Writer
 
 FILE_NAME = 'run.mcap'
-PATH_TOPIC = '/kachaka_simple_control/planned_path'
-FACTOR_TOPIC = '/kachaka_simple_control/speed_factor'
+#: The names of the nodes that publish the planned path and the speed factor: with one robot, and
+#: with several, below whose names the topics of each are.
+NODE, FLEET_NODE = 'kachaka_simple_control', 'kachaka_fleet'
+PATH_TOPIC, FACTOR_TOPIC = 'planned_path', 'speed_factor'
 #: The largest size of a chunk in which messages are compressed and indexed [bytes].
 CHUNK_SIZE = 1 << 20
 
@@ -167,14 +170,76 @@ class _Message(NamedTuple):
     data: bytes
 
 
+class _RobotRecorder:
+    """
+    What the recording of one robot needs: its topics, and what came last.
+
+    :ivar topics: by what they carry
+    """
+
+    def __init__(self, session: SessionStarted, robot: str) -> None:
+        self._session = session
+        #: the last planned motion, and the last pose from odometry
+        self._motion: MotionPlanned | None = None
+        self._pose = ORIGIN
+        self._paths = cdr.PathSerializer(cdr.ODOM)
+        self._has_factor = False
+        self.topics = {'velocity': Topic(
+            session.velocity_topic, f'geometry_msgs/msg/{session.message_type}')}
+        if session.odometry_topic is not None:
+            self.topics['odometry'] = Topic(
+                session.odometry_topic, 'nav_msgs/msg/Odometry', reliability=BEST_EFFORT)
+        node = f'/{FLEET_NODE}/{robot}' if robot else f'/{NODE}'
+        self.topics['path'] = Topic(
+            f'{node}/{PATH_TOPIC}', 'nav_msgs/msg/Path', depth=1, durability=TRANSIENT_LOCAL)
+        self.topics['factor'] = Topic(
+            f'{node}/{FACTOR_TOPIC}', 'std_msgs/msg/Float64', depth=1,
+            durability=TRANSIENT_LOCAL)
+
+    def messages(self, event: Event, stamp_of: Callable[[float], int]) -> Iterator[_Message]:
+        """Yield the messages that an event adds, with stamps from times of the steady clock."""
+        match event:
+            case MotionPlanned():
+                self._motion = event
+            case SpeedFactorChanged():
+                self._has_factor = True
+                yield self._message(
+                    'factor', stamp_of(event.time), cdr.float64(event.product))
+            case VelocitySent() | OdometryReceived() | MotionStarted() if not self._has_factor:
+                # The factor is 1 until the first change.
+                self._has_factor = True
+                yield self._message('factor', stamp_of(event.time), cdr.float64(1.0))
+        match event:
+            case VelocitySent():
+                time = stamp_of(event.time)
+                yield self._message('velocity', time, cdr.twist(event.velocity)
+                                    if self._session.message_type == 'Twist' else
+                                    cdr.twist_stamped(event.velocity, time, self._session.frame))
+            case OdometryReceived():
+                self._pose = event.pose
+                if 'odometry' in self.topics:
+                    time = stamp_of(event.time)
+                    yield self._message(
+                        'odometry', time, cdr.odometry(event.pose, event.velocity, time))
+            case MotionStarted() if event.has_plan:
+                motion, time = self._motion, stamp_of(event.time)
+                assert motion is not None
+                poses = sample_path(motion.plan, self._pose)
+                yield self._message('path', time, self._paths.path(
+                    [self._paths.pose(pose) for pose in poses], time))
+
+    def _message(self, kind: str, time: int, data: bytes) -> _Message:
+        return _Message(time, self.topics[kind], data)
+
+
 class McapRecorder:
     """
     Records the events of a drive as ROS messages in the file ``run.mcap``.
 
     An event is, for example, a velocity that was sent, or an odometry sample that was received.
-    The file is created at the first event, ``SessionStarted``.  After each flush, the file is
-    readable and complete except for its index.  The method ``finish`` writes the index and the
-    rosbag2 metadata.
+    Several robots are recorded in one file, each on topics of its own.  The file is created at the
+    first ``SessionStarted``.  After each flush, the file is readable and complete except for its
+    index.  The method ``finish`` writes the index and the rosbag2 metadata.
 
     If an error occurs, the recording ends, but the error is not raised.  The attribute ``failure``
     then has the reason.
@@ -182,33 +247,34 @@ class McapRecorder:
 
     def __init__(self, directory: Path) -> None:
         self._path = directory / FILE_NAME
-        #: the last planned motion, and the last pose from odometry
-        self._motion: MotionPlanned | None = None
-        self._pose = ORIGIN
-        self._paths = cdr.PathSerializer(cdr.ODOM)
-        self._topics: dict[str, Topic] = {}
+        #: by name; that of the only robot of a node is empty
+        self._robots: dict[str, _RobotRecorder] = {}
+        #: the numbers of the message types in the file
+        self._schemas: dict[str, int] = {}
         self._pending: list[_Message] = []
         self._span: list[int] = []
         self._is_finished = False
-        self._has_factor = False
         self._file: CrashSafeFile | None = None
-        self._session: SessionStarted
+        #: one for all robots, so that their stamps can be compared
+        self._epoch = 0.0
         self._writer: Writer
         #: the reason why the recording is missing or incomplete; None if there is no failure
         self.failure: str | None = None if importlib.util.find_spec('mcap') else (
             f'{FILE_NAME} is left out: {NEEDS_MCAP}')
 
-    def on_event(self, event: Event) -> None:
+    def on_event(self, event: Event | RobotEvent) -> None:
         """
         Add an event of the drive to the recording.
 
-        The first event, ``SessionStarted``, creates the file.  Later events stay in memory as ROS
-        messages until ``flush`` writes them to the file.
+        ``SessionStarted`` adds a robot, and the first one creates the file.  Later events stay in
+        memory as ROS messages until ``flush`` writes them to the file.
         """
+        robot, event = event if isinstance(event, RobotEvent) else ('', event)
         if isinstance(event, SessionStarted):
-            self._attempt(lambda: self._start(event))
-        elif self._file is not None:
-            self._attempt(lambda: self._record(event))
+            self._attempt(lambda: self._start(event, robot))
+        elif robot in self._robots:
+            self._attempt(lambda: self._pending.extend(
+                self._robots[robot].messages(event, self._stamp)))
 
     def flush(self, until: float) -> None:
         """
@@ -249,12 +315,19 @@ class McapRecorder:
                 self.failure = f'{FILE_NAME} ends early: {_reason(error)}'
                 self._file.abandon()
 
-    def _start(self, session: SessionStarted) -> None:
+    def _start(self, session: SessionStarted, robot: str) -> None:
+        if self._file is None:
+            self._epoch = session.epoch
+            self._create()
+        self._robots[robot] = _RobotRecorder(session, robot)
+        for topic in self._robots[robot].topics.values():
+            self._register(topic)
+
+    def _create(self) -> None:
         # Imported here, because the report also works without mcap.
         from mcap.writer import Writer
         if not hasattr(Writer, 'flush'):
             raise ImportError(NEEDS_MCAP)
-        self._session = session
         file = CrashSafeFile(self._path, _end_without_index())
         # Writer needs only write, tell and flush of a file.
         self._writer = Writer(cast('Any', file), chunk_size=CHUNK_SIZE)
@@ -266,54 +339,14 @@ class McapRecorder:
             self._path.unlink()
             raise
         self._file = file
-        self._add_topic('velocity', Topic(
-            session.velocity_topic, f'geometry_msgs/msg/{session.message_type}'))
-        if session.odometry_topic is not None:
-            self._add_topic('odometry', Topic(
-                session.odometry_topic, 'nav_msgs/msg/Odometry', reliability=BEST_EFFORT))
-        self._add_topic('path', Topic(
-            PATH_TOPIC, 'nav_msgs/msg/Path', depth=1, durability=TRANSIENT_LOCAL))
-        self._add_topic('factor', Topic(
-            FACTOR_TOPIC, 'std_msgs/msg/Float64', depth=1, durability=TRANSIENT_LOCAL))
 
-    def _add_topic(self, kind: str, topic: Topic) -> None:
-        schema = self._writer.register_schema(
-            topic.message_type, 'ros2msg', definition(topic.message_type).encode())
+    def _register(self, topic: Topic) -> None:
+        kind = topic.message_type
+        if kind not in self._schemas:
+            self._schemas[kind] = self._writer.register_schema(
+                kind, 'ros2msg', definition(kind).encode())
         topic.channel = self._writer.register_channel(
-            topic.name, 'cdr', schema, {'offered_qos_profiles': topic.qualities})
-        self._topics[kind] = topic
-
-    def _record(self, event: Event) -> None:
-        match event:
-            case MotionPlanned():
-                self._motion = event
-            case SpeedFactorChanged():
-                self._has_factor = True
-                self._add('factor', self._stamp(event.time), cdr.float64(event.product))
-            case VelocitySent() | OdometryReceived() | MotionStarted() if not self._has_factor:
-                # The factor is 1 until the first change.
-                self._has_factor = True
-                self._add('factor', self._stamp(event.time), cdr.float64(1.0))
-        match event:
-            case VelocitySent():
-                time = self._stamp(event.time)
-                self._add('velocity', time, cdr.twist(event.velocity)
-                          if self._session.message_type == 'Twist' else
-                          cdr.twist_stamped(event.velocity, time, self._session.frame))
-            case OdometryReceived():
-                self._pose = event.pose
-                if 'odometry' in self._topics:
-                    time = self._stamp(event.time)
-                    self._add('odometry', time, cdr.odometry(event.pose, event.velocity, time))
-            case MotionStarted() if event.has_plan:
-                motion, time = self._motion, self._stamp(event.time)
-                assert motion is not None
-                poses = sample_path(motion.plan, self._pose)
-                self._add('path', time, self._paths.path(
-                    [self._paths.pose(pose) for pose in poses], time))
-
-    def _add(self, kind: str, time: int, data: bytes) -> None:
-        self._pending.append(_Message(time, self._topics[kind], data))
+            topic.name, 'cdr', self._schemas[kind], {'offered_qos_profiles': topic.qualities})
 
     def _store(self, until: float) -> None:
         self._pending.sort(key=attrgetter('stamp'))
@@ -359,7 +392,8 @@ class McapRecorder:
     def _information(self) -> str:
         """Return the rosbag2 metadata of the recording, such as topics and duration, as YAML."""
         first, last = self._span or (0, 0)
-        topics, name = self._topics.values(), self._path.name
+        topics = [topic for robot in self._robots.values() for topic in robot.topics.values()]
+        name = self._path.name
         span = ['duration:', f'  nanoseconds: {last - first}',
                 'starting_time:', f'  nanoseconds_since_epoch: {first}',
                 f'message_count: {sum(topic.count for topic in topics)}']
@@ -372,7 +406,7 @@ class McapRecorder:
         return '\n'.join(lines) + '\n'
 
     def _stamp(self, time: float) -> int:
-        return stamp(self._session.epoch, time)
+        return stamp(self._epoch, time)
 
 
 def _end_without_index() -> bytes:

@@ -11,56 +11,17 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Convert poses, velocities and diagnoses to ROS 2 messages, and a Twist message to a velocity.
-
-Tested by test/ros/test_debug_topics.py.
-"""
+"""Convert diagnoses to a ROS 2 message.  Tested by test/ros/test_debug_topics.py."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-import math
 from typing import TYPE_CHECKING
-
-from geometry_msgs.msg import Quaternion, Twist
-from kachaka_simple_control.motion.geometry import Pose, Velocity
 
 if TYPE_CHECKING:
     from builtin_interfaces.msg import Time
     from diagnostic_msgs.msg import DiagnosticArray
     from kachaka_simple_control.control.diagnosis import Diagnosis
-    from nav_msgs.msg import Odometry
-
-
-def twist(velocity: Velocity) -> Twist:
-    """Return a velocity as a Twist message; all values except linear x and angular z are zero."""
-    message = Twist()
-    message.linear.x = velocity.linear_x
-    message.angular.z = velocity.angular_z
-    return message
-
-
-def velocity(twist: Twist) -> Velocity:
-    """Return linear x and angular z of a Twist message; they may be NaN or infinite."""
-    return Velocity(twist.linear.x, twist.angular.z)
-
-
-def odometry(
-        pose: Pose, velocity: Velocity, stamp: Time, frame_id: str,
-        child_frame_id: str) -> Odometry:
-    """Return an Odometry message, with covariances of 0 because they are unknown."""
-    from nav_msgs.msg import Odometry
-    message = Odometry()
-    message.header.stamp = stamp
-    message.header.frame_id = frame_id
-    message.child_frame_id = child_frame_id
-    message.pose.pose.position.x = pose.x
-    message.pose.pose.position.y = pose.y
-    message.pose.pose.orientation = Quaternion(
-        z=math.sin(pose.theta / 2.0), w=math.cos(pose.theta / 2.0))
-    message.twist.twist = twist(velocity)
-    return message
 
 
 def diagnostics(

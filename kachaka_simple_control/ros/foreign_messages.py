@@ -23,6 +23,7 @@ from collections.abc import Callable
 import time
 
 from kachaka_simple_control.control.preparation import Moment, Steps, until
+from kachaka_simple_control.control.sent_messages import MAX_QUEUED
 from kachaka_simple_control.control.timing import FOREIGN_CHECK_TIME, FOREIGN_MESSAGE_MAX_AGE
 from kachaka_simple_control.errors import RobotTakenError
 from kachaka_simple_control.ros.velocity_publisher import is_zero, VelocityPublisher
@@ -32,9 +33,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-#: Best effort matches every publisher.  The depth is large, because the executor's thread may be
-#: delayed for a moment.
-SUBSCRIPTION_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+#: Best effort matches every publisher.  The executor's thread may be delayed for a moment.
+SUBSCRIPTION_QOS = QoSProfile(depth=MAX_QUEUED, reliability=ReliabilityPolicy.BEST_EFFORT)
 #: The node name in the graph if the name was not received, e.g. between ROS distributions.
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 

@@ -11,11 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Publish velocities as Twist or TwistStamped messages.
-
-Tested by test/ros/test_robot_discovery.py.
-"""
+"""Publish velocities as Twist or TwistStamped messages."""
 
 from __future__ import annotations
 
@@ -25,11 +21,10 @@ from typing import Any
 from geometry_msgs.msg import Twist, TwistStamped
 from kachaka_simple_control.control.sent_messages import SentMessages
 from kachaka_simple_control.errors import MotionRefusedError
+from kachaka_simple_control.files.cdr import twist, twist_stamped
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.process.waiting import wait_until
-from kachaka_simple_control.ros.conversions import twist
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 
 #: Message types by the names that robot profiles use.
 TYPES = {'Twist': Twist, 'TwistStamped': TwistStamped}
@@ -68,14 +63,19 @@ class VelocityPublisher:
     def __init__(self, node: Node, topic: str, message_type: str, frame: str) -> None:
         self._node = node
         self._publisher = node.create_publisher(TYPES[message_type], topic, DEPTH)
-        self._messages = _MessageCache(node, message_type, frame)
+        self._is_stamped = message_type == 'TwistStamped'
+        self._frame = frame
+        self._clock = node.get_clock()
+        #: the newest velocity, and its Twist message: most velocities are sent many times
+        self._newest = ZERO, twist(ZERO)
         #: the sent messages, to distinguish them from the messages of other publishers
         self.sent = SentMessages()
 
     def transmit(self, velocity: Velocity) -> None:
         """Publish a velocity without a check; for the velocity gate and the guardian only."""
-        data = self._messages.serialized(velocity)
+        data = self._serialized(velocity)
         self.sent.record(time.monotonic(), data)
+        # As bytes: to make a message and to serialize it takes longer than to publish it.
         self._publisher.publish(data)
 
     def destroy(self) -> None:
@@ -96,33 +96,9 @@ class VelocityPublisher:
         """Return an attribute of the wrapped rclpy publisher, such as ``topic_name``."""
         return getattr(self._publisher, name)
 
-
-class _MessageCache:
-    """
-    Serializes velocities, and keeps the newest message for the same Velocity object.
-
-    A plan often contains the same object several times, and to make a message takes longer than to
-    publish it.  A stamped message gets a new stamp each time.
-    """
-
-    def __init__(self, node: Node, message_type: str, frame: str) -> None:
-        self._is_stamped = message_type == 'TwistStamped'
-        self._frame = frame
-        self._clock = node.get_clock()
-        self._make(ZERO)
-
-    def serialized(self, velocity: Velocity) -> bytes:
-        if velocity is not self._velocity:
-            self._make(velocity)
+    def _serialized(self, velocity: Velocity) -> bytes:
         if self._is_stamped:
-            self._message.header.stamp = self._clock.now().to_msg()
-            self._data = bytes(serialize_message(self._message))
-        return self._data
-
-    def _make(self, velocity: Velocity) -> None:
-        self._velocity = velocity
-        self._message: Any = twist(velocity)
-        if self._is_stamped:
-            self._message = TwistStamped(twist=self._message)
-            self._message.header.frame_id = self._frame
-        self._data = bytes(serialize_message(self._message))
+            return twist_stamped(velocity, self._clock.now().nanoseconds, self._frame)
+        if velocity is not self._newest[0]:
+            self._newest = velocity, twist(velocity)
+        return self._newest[1]

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""ROS reads the path that we serialize."""
+"""ROS reads the paths and the odometry that we serialize, and we read its messages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ import struct
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.files.cdr import PathSerializer, read_odometry
+from kachaka_simple_control.files.cdr import odometry, PathSerializer, read_odometry, read_twist
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from optional_libraries import optional_imports
 import pytest
@@ -71,6 +71,19 @@ def test_a_path_is_serialized_as_by_ros(frame, poses, time):
     assert len(packed) == len(serialize_message(meant))
 
 
+@given(TIMES, FRAMES, FRAMES, POSES, NUMBERS, NUMBERS)
+def test_odometry_is_serialized_as_by_ros(time, frame, child, pose, linear_x, angular_z):
+    meant = Odometry(child_frame_id=child)
+    stamp(meant.header, frame, time)
+    meant.pose.pose.position.x, meant.pose.pose.position.y = pose.x, pose.y
+    meant.pose.pose.orientation.z = math.sin(pose.theta / 2.0)
+    meant.pose.pose.orientation.w = math.cos(pose.theta / 2.0)
+    meant.twist.twist.linear.x, meant.twist.twist.angular.z = linear_x, angular_z
+    packed = odometry(pose, Velocity(linear_x, angular_z), time, frame, child)
+    assert deserialize_message(packed, Odometry) == meant
+    assert len(packed) == len(serialize_message(meant))
+
+
 @given(TIMES, FRAMES, FRAMES, POSES, st.lists(NUMBERS, min_size=78, max_size=78))
 def test_what_is_read_of_odometry_is_what_was_serialized(time, frame, child, pose, numbers):
     message = Odometry(child_frame_id=child)
@@ -95,3 +108,9 @@ def test_odometry_of_a_machine_with_another_byte_order_is_read_as_well():
         f'>{len(numbers)}d', *numbers)
     assert read_odometry(data) == (
         b'odom', 7 * SECOND + 8, Pose(1.0, 2.0, 0.0), Velocity(0.1, 0.5))
+
+
+@pytest.mark.parametrize('order, header', [('>', b'\0\0\0\0'), ('<', b'\0\1\0\0')])
+def test_a_velocity_is_read_in_either_byte_order(order, header):
+    data = header + struct.pack(f'{order}6d', 0.1, 2.0, 3.0, 4.0, 5.0, -0.5)
+    assert read_twist(data) == Velocity(0.1, -0.5)

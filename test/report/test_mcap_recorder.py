@@ -13,6 +13,7 @@
 # limitations under the License.
 """A recording holds what happened, to the last bit, and others can read it."""
 
+from dataclasses import replace
 import itertools
 import math
 import tempfile
@@ -22,15 +23,24 @@ from hypothesis import strategies as st
 from kachaka_simple_control.control.events import (
     MotionStarted,
     OdometryReceived,
+    RobotEvent,
     SpeedFactorChanged,
     VelocitySent,
 )
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.report.mcap_recorder import McapRecorder
 from messages import of_plan
 import pytest
 from recorded_drive import LIMITS, PLANNED, RecordedDrive, STAMPED, TWIST
-from recordings import header_stamp, read_with_rosbags, READERS, stamp_of, velocities
+from recordings import (
+    header_stamp,
+    read_with_rosbags,
+    READERS,
+    sent_velocities,
+    stamp_of,
+    velocities,
+)
 
 pytestmark = pytest.mark.needs('mcap')
 
@@ -180,3 +190,52 @@ def test_a_minute_at_50_hz_takes_little_space(tmp_path):
             drive.recorder.flush(time)
     assert drive.recorder.finish() is None
     assert drive.file.stat().st_size < 60 * 10_000
+
+
+@pytest.mark.parametrize('read', READERS)
+def test_several_robots_are_recorded_each_on_its_own_topics(read, tmp_path):
+    recorder, sessions, sent = McapRecorder(tmp_path), {}, {}
+    for number, name in enumerate(('r1', 'r2', 'r3')):
+        # Clocks are read one after the other, and stamps must be comparable nevertheless.
+        sessions[name] = replace(
+            STAMPED if name == 'r3' else TWIST, epoch=TWIST.epoch + 0.01 * number,
+            velocity_topic=f'/{name}/cmd_vel', odometry_topic=f'/{name}/odom')
+        recorder.on_event(RobotEvent(name, sessions[name]))
+        sent[name] = [of_plan(10.0 + tick / 20.0, Velocity(0.1 * number, 0.01 * tick))
+                      for tick in range(20)]
+    recorder.on_event(RobotEvent('r2', PLANNED))
+    recorder.on_event(RobotEvent('r2', OdometryReceived(9.9, Pose(1.0, 2.0))))
+    recorder.on_event(RobotEvent('r2', MotionStarted(10.0)))
+    for events in zip(*sent.values()):
+        for name, event in zip(sessions, events):
+            recorder.on_event(RobotEvent(name, event))
+        recorder.flush(events[0].time - 0.1)
+    recorder.on_event(RobotEvent('r3', SpeedFactorChanged(11.5, {'pause': 0.0})))
+    assert recorder.finish() is None
+    found = read(tmp_path / 'run.mcap')
+    for name, session in sessions.items():
+        assert velocities(found, session) == sent_velocities(sent[name], TWIST)
+    (pose,) = [one.message.pose.pose for one in found if one.topic == '/r2/odom']
+    assert (pose.position.x, pose.position.y) == (1.0, 2.0)
+    (path,) = [one for one in found if one.topic == '/kachaka_fleet/r2/planned_path']
+    assert path.message.poses[0].pose.position.y == 2.0
+    factors = [[one.message.data for one in found
+                if one.topic == f'/kachaka_fleet/{name}/speed_factor'] for name in sessions]
+    assert factors == [[1.0], [1.0], [1.0, 0.0]]
+    assert [one.stamp for one in found] == sorted(one.stamp for one in found)
+    assert 'message_count: 66' in (tmp_path / 'metadata.yaml').read_text()
+
+
+def test_fifty_robots_have_one_definition_of_each_message(tmp_path):
+    make_reader = pytest.importorskip('mcap.reader').make_reader
+    recorder = McapRecorder(tmp_path)
+    for number in range(50):
+        recorder.on_event(RobotEvent(f'r{number}', replace(
+            TWIST, velocity_topic=f'/r{number}/cmd_vel', odometry_topic=f'/r{number}/odom')))
+        recorder.on_event(RobotEvent(f'r{number}', of_plan(10.0)))
+    assert recorder.finish() is None
+    with (tmp_path / 'run.mcap').open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    assert len(summary.schemas) == 4
+    assert len(summary.channels) == 200
+    assert summary.statistics.message_count == 100
