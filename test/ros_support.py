@@ -70,7 +70,7 @@ class Probe:
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 
-    def publisher(self, namespace, process):
+    def publisher(self, namespace, process, refusal='the robot refused'):
         """Return a publisher of velocities that a bridge has matched for certain."""
         publisher = self.node.create_publisher(
             self._twist, f'{namespace}/manual_control/cmd_vel', 10)
@@ -79,7 +79,7 @@ class Probe:
             # The reader may match later than the writer.  NaN is refused with a log line, and
             # changes nothing.
             self.send(publisher, math.nan)
-            return 'the robot refused' in process.text
+            return refusal in process.text
 
         wait_until(has_matched)
         return publisher

@@ -33,7 +33,8 @@ import time
 from typing import Any
 
 from benchmarks import ROOT
-from benchmarks.resource_usage import BILLION, process_time, sleep_until
+from benchmarks.process_usage import process_time
+from benchmarks.resource_usage import BILLION, sleep_until
 from benchmarks.tables import Table
 from kachaka_simple_control.analysis.message_timing import median, quantile
 from program import JsonProcess

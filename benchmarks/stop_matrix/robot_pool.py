@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import contextlib
 import itertools
 from pathlib import Path
@@ -23,7 +24,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-from typing import NamedTuple
 
 from benchmarks import ROOT
 from benchmarks.stop_matrix.network import Network, NODE, ROBOT
@@ -109,7 +109,9 @@ class PooledRobot:
                 slow or over_link) else None
         self._over_grpc = over_grpc
         self.process = self._start()
-        self._second: SecondRobot | None = None
+        #: of more robots in the same domain, for programs that drive several
+        self._others: list[RobotRecorder] = []
+        self._other_processes: list[OtherRobots] = []
 
     def wait_until_there(self) -> None:
         """
@@ -121,18 +123,22 @@ class PooledRobot:
         if self.network is None and not poll(lambda: self.recorder.odometry_count, START_TIMEOUT):
             raise RuntimeError('a simulated robot did not come')
 
-    def second(self) -> SecondRobot:
-        """Return another robot in the same domain, for a program that drives two."""
-        if self._second is None:
-            recorder = self.observer.record(f'{self.recorder.namespace}_second')
-            self._second = SecondRobot(RobotProcess(recorder.namespace, self.domain), recorder)
-        return self._second
+    def others(self, count: int) -> list[RobotRecorder]:
+        """Return the recorders of more robots in the same domain, which share a bridge."""
+        known = len(self._others)
+        names = [f'{self.recorder.namespace}_{number}' for number in range(known, count)]
+        if names:
+            folder = self._resources.enter_context(
+                tempfile.TemporaryDirectory(prefix='stop_matrix_'))
+            self._others += map(self.observer.record, names)
+            self._other_processes.append(OtherRobots(names, self.domain, Path(folder)))
+        return self._others[:count]
 
     def clear(self) -> None:
         """Discard all recorded data, before another program starts."""
         self.recorder.clear()
-        if self._second is not None:
-            self._second.recorder.clear()
+        for recorder in self._others:
+            recorder.clear()
 
     def replace(self) -> None:
         """Start a new robot in place of the robot that has left."""
@@ -142,8 +148,8 @@ class PooledRobot:
     def end(self) -> None:
         """End the robot and the recorder."""
         self.process.close(EXIT_TIMEOUT, signal.SIGTERM)
-        if self._second is not None:
-            self._second.process.close(EXIT_TIMEOUT, signal.SIGTERM)
+        for process in self._other_processes:
+            process.close(EXIT_TIMEOUT, signal.SIGTERM)
         self.observer.close()
         self._resources.close()
         release_domain(self.domain)
@@ -155,11 +161,16 @@ class PooledRobot:
             self.recorder.namespace, self.domain, self.executed, self.network)
 
 
-class SecondRobot(NamedTuple):
-    """A second robot for one program, and the recorder of its topics."""
+class OtherRobots(Program):
+    """The process of a bridge with several simulated robots, which ends with this process."""
 
-    process: RobotProcess
-    recorder: RobotRecorder
+    def __init__(self, names: Sequence[str], domain: int, folder: Path) -> None:
+        robots = folder / 'robots.yaml'
+        robots.write_text('\n'.join([
+            'robots:', *(f'  {name}: {{motion: straight}}' for name in names), '']))
+        super().__init__(
+            [*BRIDGE, '--sim', '--with-parent', '--robots', str(robots)], cwd=ROOT,
+            stdin=subprocess.PIPE, env=environment(ROS_DOMAIN_ID=str(domain)))
 
 
 class RobotProcess(Program):

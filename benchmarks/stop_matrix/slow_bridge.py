@@ -22,7 +22,9 @@ import sys
 import threading
 import time
 
-from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
+from kachaka_simple_control.kachaka.bridge_node import BridgeNode
+from kachaka_simple_control.kachaka.simulated_robot import SimulatedRobot
+from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_PERIOD
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.process.signals import ShutdownEvent
@@ -30,36 +32,40 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 
-class SlowBridge(SimulatedBridge):
-    """A slow bridge that executes one velocity after the other, like the official bridge."""
+class SlowRobot(SimulatedRobot):
+    """A slow robot that executes one call after the other, as with the official bridge."""
 
-    def __init__(self, namespace: str, log: Path, duration: float) -> None:
-        super().__init__(SimulatedKachaka(time.monotonic()), namespace)
+    def __init__(self, node: BridgeNode, name: str, log: Path, duration: float) -> None:
+        super().__init__(node, name, SimulatedKachaka(time.monotonic()))
         self._log, self._duration = log, duration
+        # Reentrant: the first velocity switches manual control on.
+        self._call = threading.RLock()
 
-    def drive(self, velocity: Velocity, now: float) -> None:  # noqa: ARG002
+    def drive(self, velocity: Velocity, arrival: float) -> None:  # noqa: ARG002
         """Send the robot a velocity, which arrives after the duration of a call."""
-        time.sleep(self._duration)
-        with self._log.open('a') as log:
-            log.write(f'{time.time()} {velocity.linear_x}\n')
-        super().drive(velocity, time.monotonic())
+        with self._call:
+            time.sleep(self._duration)
+            with self._log.open('a') as log:
+                log.write(f'{time.time()} {velocity.linear_x}\n')
+            super().drive(velocity, time.monotonic())
 
     def set_manual_control(self, enabled: bool) -> str:
         """Enable or disable manual control, after the duration of a call."""
-        time.sleep(self._duration)
-        return super().set_manual_control(enabled)
+        with self._call:
+            time.sleep(self._duration)
+            return super().set_manual_control(enabled)
 
 
 def main(args: Sequence[str]) -> None:
     """Run the bridge until standard input ends; the arguments: namespace, log, duration."""
     with ShutdownEvent() as shutdown:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        node = SlowBridge(args[0], Path(args[1]), float(args[2]))
-        executor = rclpy.get_global_executor()
-        executor.add_node(node)
-        threading.Thread(target=executor.spin, daemon=True).start()
+        node = BridgeNode(args[0], {'': lambda node, name: SlowRobot(
+            node, name, Path(args[1]), float(args[2]))}, ODOMETRY_PERIOD)
+        for executor in node.executors():
+            threading.Thread(target=executor.run, daemon=True).start()
         shutdown.wait(with_parent=True)
-        # No cleanup is needed, and a normal exit would abort while the other thread spins.
+        # No cleanup is needed, and a normal exit would abort while other threads spin.
         os._exit(0)
 
 

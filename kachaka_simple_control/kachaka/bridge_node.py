@@ -11,35 +11,34 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The base class of the nodes that connect a Kachaka to ROS 2, and that of a simulated one."""
+"""The node that connects Kachakas to ROS 2, and what it has for each robot."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 import math
 import time
 
 from geometry_msgs.msg import Twist
 from kachaka_simple_control.control.preparation import complete
+from kachaka_simple_control.files.cdr import float64, read_twist
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.robot_status import ERROR_NO_MANUAL_CONTROL, SUCCESS
-from kachaka_simple_control.kachaka.simulator.drive_model import (
-    ODOMETRY_FRAME,
-    ODOMETRY_PERIOD,
-    ROBOT_FRAME,
-)
-from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Pose, Velocity
-from kachaka_simple_control.ros import conversions
-from kachaka_simple_control.ros.executors import ExecutorLoop, NodeExecutor
+from kachaka_simple_control.ros.executors import (
+    ExecutorLoop,
+    NodeExecutor,
+    PeriodicLoop,
+    running,
+    SubscriptionExecutor,
+)
 from kachaka_simple_control.ros.graph import Graph
 from kachaka_simple_control.ros.names import BATTERY, DIAGNOSTICS, RobotNames
 from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
+from kachaka_simple_control.text import pluralize
 from nav_msgs.msg import Odometry
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Float64
@@ -49,12 +48,11 @@ NODE = 'kachaka_bridge'
 #: The two odometry topics of the official bridge.  The simulated robot publishes the same messages
 #: on both topics.
 ODOMETRY_TOPICS = ('odometry/odometry', 'wheel_odometry/wheel_odometry')
+MANUAL_CONTROL = 'manual_control/set_enabled'
 #: The shortest time between two warnings about velocities above the limits [s].
 LIMIT_WARN_PERIOD = 5.0
-#: The period at which the charge of the battery is published [s].
-BATTERY_PERIOD = 1.0
-#: The charge of the simulated robot's battery, which is always full.
-SIMULATED_CHARGE = 1.0
+#: How many robots the log names.
+MAX_NAMED = 5
 
 
 def pose_text(pose: Pose, source: str) -> str:
@@ -66,80 +64,167 @@ def pose_text(pose: Pose, source: str) -> str:
 
 class BridgeNode(Node):
     """
-    The base class of the nodes that connect a Kachaka robot to ROS 2.
+    The node that connects Kachakas to ROS 2.
 
-    It has the topics, service and QoS of the manufacturer's own bridge.
-
-    :param on_conflict: called with a text about a second bridge with the same topics, if one
-        appears
+    :param robots: by name what makes each, when all are claimed.  The topics of ``r1`` are in
+        ``r1/``; the only robot of a node needs no name: its topics are in the node's namespace
+    :param update_period: how often each robot's ``update`` is called [s]; None: never
+    :param on_conflict: called with the name of a robot and a text about a second bridge with the
+        same topics, if one appears
     :raises RobotTakenError: if another bridge already uses the same topic names
     :raises UsageError: if a name is invalid, or two topics or services have the same name
     """
 
     def __init__(
-            self, namespace: str, on_conflict: Callable[[str], None] = lambda _: None) -> None:
+            self, namespace: str,
+            robots: Mapping[str, Callable[[BridgeNode, str], BridgedRobot]],
+            update_period: float | None = None,
+            on_conflict: Callable[[str, str], None] = lambda *_: None) -> None:
         with one_line_errors(NODE):
             super().__init__(NODE, namespace=namespace, start_parameter_services=False)
-        check_node_names(
-            self, [RobotNames(
-                KACHAKA.velocity_topic, KACHAKA.odometry_topic, KACHAKA.manual_control_service)],
-            (*ODOMETRY_TOPICS[1:], DIAGNOSTICS, BATTERY), ())
+        names = [*map(_names, robots)]
+        check_node_names(self, names, (
+            *(topic_of(robot, topic) for robot in robots for topic in (
+                *ODOMETRY_TOPICS[1:], BATTERY)), DIAGNOSTICS), ())
         self.graph = Graph(self)
-        self._claim = RobotClaim(
-            self.graph, self.resolve_topic_name(KACHAKA.velocity_topic), 'bridge', on_conflict)
-        self._take_claim()
-        service = KACHAKA.manual_control_service
-        assert service is not None, 'a Kachaka has one'
-        self._subscription = self.create_subscription(
-            Twist, KACHAKA.velocity_topic, self.on_velocity, qos_profile_sensor_data,
-            callback_group=MutuallyExclusiveCallbackGroup())
-        self._service = self.create_service(SetBool, service, self._on_set_enabled)
-        self._odometry = [
-            self.create_publisher(Odometry, topic, qos_profile_sensor_data)
-            for topic in ODOMETRY_TOPICS]
-        self._battery = self.create_publisher(Float64, BATTERY, qos_profile_sensor_data)
+        self._claims = [
+            RobotClaim(self.graph, self.resolve_topic_name(robot_names.velocity), 'bridge',
+                       partial(on_conflict, name))
+            for name, robot_names in zip(robots, names)]
+        self._take_claims()
+        #: of all velocities: one thread receives them
+        self.velocity_group = MutuallyExclusiveCallbackGroup()
+        self._update_period = update_period
+        self.robots = [make(self, name) for name, make in robots.items()]
 
     @property
     def summary(self) -> str:
-        """Return one line of text for the log, with the names of the node's topics and service."""
-        return (
-            f'velocities on {self._subscription.topic_name}, '
-            f'manual control at {self.resolve_service_name(self._service.srv_name)}, '
-            f'odometry on {self._odometry[0].topic_name}')
+        """Return one line for the log: the topics and the service of one robot, or all names."""
+        names = [robot.name for robot in self.robots if robot.name]
+        if not names:
+            return self.robots[0].summary
+        more = len(names) - MAX_NAMED
+        return (f'{pluralize(len(names), "simulated robot")}: {", ".join(names[:MAX_NAMED])}'
+                f'{f" and {more} more" if more > 0 else ""}')
 
     def executors(self) -> list[ExecutorLoop]:
-        """Return the executors of the node's callbacks; each needs a thread of its own."""
-        return [NodeExecutor(self)]
+        """Return what receives velocities and does all else; each needs a thread of its own."""
+        first, *others = self.robots
+        velocities = SubscriptionExecutor(
+            self, first.subscription, first.on_velocity, raw=True, timed=True)
+        for robot in others:
+            velocities.add(robot.subscription, robot.on_velocity)
+        loops: list[ExecutorLoop] = [velocities, NodeExecutor(self)]
+        if self._update_period is not None:
+            loops.append(PeriodicLoop(self._update_period, self.update))
+        return loops
 
-    def on_velocity(self, twist: Twist) -> None:
-        """
-        Send the velocity of a message to the robot, which drives at its limit at most.
-
-        A warning is logged if they are above it.
-        """
-        velocity = conversions.velocity(twist)
-        cut = [(value, math.copysign(largest, value), unit) for value, largest, unit in (
-            (velocity.linear_x, KACHAKA.limits.max_linear_velocity, 'm/s'),
-            (velocity.angular_z, KACHAKA.limits.max_angular_velocity, 'rad/s'))
-            if largest < abs(value) < math.inf]
-        if cut:
-            wanted = ' and '.join(f'{value:.4g} {unit}' for value, _, unit in cut)
-            sent = ' and '.join(f'{largest:.4g} {unit}' for _, largest, unit in cut)
-            self.get_logger().warning(
-                f'a velocity of {wanted} is cut to {sent}, the most that a Kachaka does',
-                throttle_duration_sec=LIMIT_WARN_PERIOD)
-        self.drive(velocity, time.monotonic())
+    def update(self) -> None:
+        """Call ``update`` of each robot."""
+        now, stamp = time.monotonic(), self.get_clock().now().nanoseconds
+        for robot in self.robots:
+            robot.update(now, stamp)
 
     def close(self) -> None:
-        """Disconnect from the robot; the caller must call this before ``destroy_node()``."""
+        """Disconnect from the robots; the caller must call this before ``destroy_node()``."""
+        for robot in self.robots:
+            robot.close()
 
     def destroy_node(self) -> None:
         """Release the topics for another bridge, and destroy the node."""
-        complete([self._claim.release])
+        complete([claim.release for claim in self._claims])
         super().destroy_node()
 
-    def drive(self, velocity: Velocity, now: float) -> None:
-        """Send a velocity to the robot, which must not follow it if it is infinite or NaN."""
+    def _take_claims(self) -> None:
+        # No other executor runs the node yet, so the claims of other bridges are received here.
+        try:
+            with running(NodeExecutor(self)):
+                complete([claim.take for claim in self._claims])
+                for claim in self._claims:
+                    claim.hold()
+        except BaseException:
+            self.destroy_node()
+            raise
+
+
+def topic_of(robot: str, name: str) -> str:
+    """
+    Return the name of a topic or service of a robot, relative to the node's namespace.
+
+    :param robot: its name; empty for the only robot of a node
+    """
+    return f'{robot}/{name}' if robot else name
+
+
+def _names(robot: str) -> RobotNames:
+    return RobotNames(
+        topic_of(robot, KACHAKA.velocity_topic), topic_of(robot, ODOMETRY_TOPICS[0]),
+        topic_of(robot, MANUAL_CONTROL))
+
+
+class BridgedRobot:
+    """
+    The base class of the robots of a bridge.
+
+    It has the topics, service and QoS of the manufacturer's own bridge.
+
+    :param name: empty for the only robot of a node
+    """
+
+    def __init__(self, node: BridgeNode, name: str) -> None:
+        self.node = node
+        self.name = name
+        # With a logger of its own, each robot has its own time between two warnings.
+        self.logger = node.get_logger().get_child(name) if name else node.get_logger()
+        self.subscription = node.create_subscription(
+            Twist, topic_of(name, KACHAKA.velocity_topic), lambda _: None,
+            qos_profile_sensor_data, callback_group=node.velocity_group, raw=True)
+        self._service = node.create_service(
+            SetBool, topic_of(name, MANUAL_CONTROL), self._on_set_enabled)
+        self._odometry = [
+            node.create_publisher(Odometry, topic_of(name, topic), qos_profile_sensor_data)
+            for topic in ODOMETRY_TOPICS]
+        self._battery = node.create_publisher(
+            Float64, topic_of(name, BATTERY), qos_profile_sensor_data)
+
+    @property
+    def summary(self) -> str:
+        """Return one line of text for the log, with the names of its topics and service."""
+        return (
+            f'velocities on {self.subscription.topic_name}, '
+            f'manual control at {self.node.resolve_service_name(self._service.srv_name)}, '
+            f'odometry on {self._odometry[0].topic_name}')
+
+    def on_velocity(self, data: bytes, arrival: float) -> None:
+        """
+        Send the velocity of a serialized message to the robot, which drives at its limit at most.
+
+        A warning is logged if it is above it.
+
+        :param arrival: when the message came [s]
+        """
+        velocity, limits = read_twist(data), KACHAKA.limits
+        if (abs(velocity.linear_x) > limits.max_linear_velocity
+                or abs(velocity.angular_z) > limits.max_angular_velocity):
+            self._warn_of_cut(velocity)
+        self.drive(velocity, arrival)
+
+    def close(self) -> None:
+        """Disconnect from the robot."""
+
+    def update(self, now: float, stamp: int) -> None:
+        """
+        Do what is done in each period.
+
+        :param stamp: the same time on the node's clock [ns]
+        """
+
+    def drive(self, velocity: Velocity, arrival: float) -> None:
+        """
+        Send a velocity to the robot, which must not follow it if it is infinite or NaN.
+
+        :param arrival: when it came [s]; the system clock may make it some ms wrong
+        """
         raise NotImplementedError
 
     def set_manual_control(self, enabled: bool) -> str:
@@ -148,108 +233,22 @@ class BridgeNode(Node):
 
     def publish_battery(self, charge: float) -> None:
         """Publish the charge of the battery, from 0 to 1."""
-        self._battery.publish(Float64(data=100.0 * charge))
+        self._battery.publish(float64(100.0 * charge))
 
-    def _take_claim(self) -> None:
-        # No other executor runs the node yet, so the claims of other bridges are received here.
-        executor = SingleThreadedExecutor(context=self.context)
-        executor.add_node(self)
-        try:
-            complete([self._claim.take], lambda: executor.spin_once(timeout_sec=0.0))
-            self._claim.hold()
-        except BaseException:
-            self.destroy_node()
-            raise
-        finally:
-            executor.remove_node(self)
-            executor.shutdown()
+    def _warn_of_cut(self, velocity: Velocity) -> None:
+        cut = [(value, math.copysign(largest, value), unit) for value, largest, unit in (
+            (velocity.linear_x, KACHAKA.limits.max_linear_velocity, 'm/s'),
+            (velocity.angular_z, KACHAKA.limits.max_angular_velocity, 'rad/s'))
+            if largest < abs(value) < math.inf]
+        if cut:
+            wanted = ' and '.join(f'{value:.4g} {unit}' for value, _, unit in cut)
+            sent = ' and '.join(f'{largest:.4g} {unit}' for _, largest, unit in cut)
+            self.logger.warning(
+                f'a velocity of {wanted} is cut to {sent}, the most that a Kachaka does',
+                throttle_duration_sec=LIMIT_WARN_PERIOD)
 
     def _on_set_enabled(
             self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         response.message = self.set_manual_control(request.data)
         response.success = not response.message
         return response
-
-
-class SimulatedBridge(BridgeNode):
-    """
-    The node that connects a simulated robot to ROS 2.
-
-    It behaves like the manufacturer's bridge: a velocity, even zero, that comes while manual
-    control is off switches it on, and is not followed.  The pose is logged when manual control is
-    switched off, at the latest by ``close()``.
-
-    :param frame_prefix: a text before the frame names in odometry; no separator is added
-    :param on_conflict: as for ``BridgeNode``
-    :raises RobotTakenError: if another bridge already uses the same topic names
-    """
-
-    def __init__(
-            self, robot: SimulatedKachaka, namespace: str, frame_prefix: str = '',
-            on_conflict: Callable[[str], None] = lambda _: None) -> None:
-        super().__init__(namespace, on_conflict)
-        self._robot = robot
-        #: whether the robot's pose was logged after manual control was last enabled
-        self._is_place_logged = True
-        self._frame_id = frame_prefix + ODOMETRY_FRAME
-        self._child_frame_id = frame_prefix + ROBOT_FRAME
-        #: when the charge of the battery was last published [s, steady clock]
-        self._battery_time = -math.inf
-        # Use a steady clock, because /clock may stop while the robot drives.
-        self._timer = self.create_timer(
-            ODOMETRY_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    def drive(self, velocity: Velocity, now: float) -> None:
-        """Send a velocity to the simulated robot; without manual control, only switch that on."""
-        code = self._robot.set_robot_velocity(
-            velocity.linear_x / KACHAKA.limits.max_linear_velocity,
-            velocity.angular_z / KACHAKA.limits.max_angular_velocity, now)
-        if code == ERROR_NO_MANUAL_CONTROL:
-            self.set_manual_control(True)
-        elif code != SUCCESS:
-            self.get_logger().warning(
-                f'the robot refused a velocity of {velocity.linear_x:.4g} m/s and '
-                f'{velocity.angular_z:.4g} rad/s', throttle_duration_sec=1.0)
-
-    def close(self) -> None:
-        """Log the robot's pose if that is due; call this before ``destroy_node()``."""
-        if not self._is_place_logged:
-            self._log_place(time.monotonic())
-
-    def set_manual_control(self, enabled: bool) -> str:
-        """Switch manual control on or off; return the robot's error code, or an empty text."""
-        now = time.monotonic()
-        # Log only changes, because clients repeat their request to renew manual control.
-        is_change = self._robot.manual_control(now) != enabled
-        code = self._robot.set_manual_control(enabled, now)
-        if is_change and code == SUCCESS:
-            self.get_logger().info(f"manual control {'enabled' if enabled else 'disabled'}")
-        if enabled and code == SUCCESS:
-            self._is_place_logged = False
-        elif not self._is_place_logged:
-            self._log_place(now)
-        return '' if code == SUCCESS else f'error {code}'
-
-    def _log_place(self, now: float) -> None:
-        self._is_place_logged = True
-        pose, _ = self._robot.state(now)
-        which = 'true ' if self._robot.parameters.floor is not None else ''
-        self.get_logger().info(
-            which + pose_text(pose, 'as seen from where it was started'))
-
-    def _on_timer(self) -> None:
-        # Update the robot even without a subscriber.  A robot with a lag integrates its path in
-        # small steps.  After minutes without an update, the next velocity would have to wait for
-        # all these steps.
-        now, stamp = time.monotonic(), self.get_clock().now().to_msg()
-        if now - self._battery_time >= BATTERY_PERIOD:
-            self._battery_time = now
-            self.publish_battery(SIMULATED_CHARGE)
-        pose, velocity = self._robot.odometry(now)
-        publishers = [
-            publisher for publisher in self._odometry if publisher.get_subscription_count() > 0]
-        if publishers:
-            message = conversions.odometry(
-                pose, velocity, stamp, self._frame_id, self._child_frame_id)
-            for publisher in publishers:
-                publisher.publish(message)

@@ -15,19 +15,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 import contextlib
 import subprocess
 import sys
+import tempfile
 import threading
 import time
-from typing import ClassVar
+from typing import ClassVar, TYPE_CHECKING
 
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError, UsageError
 from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
 from kachaka_simple_control.process import processes
 from kachaka_simple_control.process.exit_codes import NO_ROBOT
 from kachaka_simple_control.text import escaped
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.kachaka.simulated_fleet import SimulatedStart
 
 #: The longest time for the process to end after SIGTERM [s].
 EXIT_TIMEOUT = 2.0
@@ -56,6 +60,26 @@ def simulated_bridge(
     """
     with _running(BridgeProcess(['--sim', '--namespace', namespace, *options])) as process:
         yield process
+
+
+@contextlib.contextmanager
+def simulated_fleet(
+        robots: str | Mapping[str, SimulatedStart],
+        options: Sequence[str] = ()) -> Iterator[BridgeProcess]:
+    """
+    Run the simulated robots of a fleet in one child process, as ``simulated_bridge`` runs one.
+
+    :param robots: by name where each begins, and its errors; or a fleet's name, or its file
+    """
+    with contextlib.ExitStack() as stack:
+        if not isinstance(robots, str):
+            from kachaka_simple_control.kachaka.simulated_fleet import robots_text
+            file = stack.enter_context(tempfile.NamedTemporaryFile('w', suffix='.yaml'))
+            file.write(robots_text(robots))
+            file.flush()
+            robots = file.name
+        yield stack.enter_context(_running(BridgeProcess(
+            ['--sim', '--robots', robots, *options], 'the simulated fleet')))
 
 
 @contextlib.contextmanager

@@ -19,13 +19,14 @@ Tested by test/kachaka/test_bridge_executors.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 import contextlib
 import sys
 import threading
 import time
 from types import FrameType
-from typing import Any
+from typing import Any, Protocol
 from weakref import WeakKeyDictionary
 
 from rclpy.context import Context
@@ -184,6 +185,8 @@ def _preceded(function: Callable[..., Any], context: Context) -> Callable[..., A
 
 #: The pause after a message [s]: it lets the thread that handles the message run first.
 YIELD_TIME = 5e-5
+#: No message waits longer for its thread [s].
+MAX_AGE = 1.0
 #: The timeout value for a wait set that waits without a limit.
 WAIT_FOREVER = -1
 
@@ -216,14 +219,16 @@ class SubscriptionExecutor:
 
     :param subscription: in a callback group of its own, which no other executor serves
     :param on_message: called with each message, the oldest first
+    :param timed: whether it is also called with the time of arrival [s on the steady clock]
     """
 
     def __init__(
-            self, node: Node, subscription: Subscription, on_message: Callable[[Any], None],
-            raw: bool = False) -> None:
+            self, node: Node, subscription: Subscription, on_message: Callable[..., None],
+            raw: bool = False, timed: bool = False) -> None:
         self._context = node.context
         self._subscriptions = [(subscription, on_message)]
         self._raw = raw
+        self._timed = timed
         self._stopped = threading.Event()
         group = subscription.callback_group
         # The node destroys the guard condition, but only after run(), which holds a reference.
@@ -234,7 +239,7 @@ class SubscriptionExecutor:
         # publisher.
         group.beginning_execution(subscription)
 
-    def add(self, subscription: Subscription, on_message: Callable[[Any], None]) -> None:
+    def add(self, subscription: Subscription, on_message: Callable[..., None]) -> None:
         """Add a subscription in the same callback group, before ``run``."""
         self._subscriptions.append((subscription, on_message))
 
@@ -276,12 +281,72 @@ class SubscriptionExecutor:
                         self._take_all(subscription, on_message)
                 time.sleep(YIELD_TIME)
 
-    def _take_all(self, subscription: Subscription, on_message: Callable[[Any], None]) -> None:
+    def _take_all(self, subscription: Subscription, on_message: Callable[..., None]) -> None:
         take, kind = subscription.handle.take_message, subscription.msg_type
         # A publisher faster than this loop must not prevent the end of the loop.
         while not self._stopped.is_set() and (taken := take(kind, self._raw)) is not None:
-            on_message(taken[0])
+            if self._timed:
+                on_message(taken[0], _arrival(taken[1]))
+            else:
+                on_message(taken[0])
 
 
-#: An executor that runs callbacks in the thread that calls ``run()``, until ``stop()``.
-ExecutorLoop = NodeExecutor | SubscriptionExecutor
+def _arrival(info: Mapping[str, Any]) -> float:
+    """Return when the middleware received a message [s on the steady clock]."""
+    age = (time.time_ns() - info['received_timestamp']) * 1e-9
+    # Not every middleware has this time.  If the system clock was set meanwhile, it says nothing.
+    return time.monotonic() - (age if 0.0 < age < MAX_AGE else 0.0)
+
+
+class PeriodicLoop:
+    """
+    Calls a function once in each period of the steady clock; a call that is missed is left out.
+
+    A timer of rclpy costs more: its executor builds a wait set of all that the node has each time.
+
+    :param period: [s]
+    """
+
+    def __init__(self, period: float, function: Callable[[], None]) -> None:
+        self._period = period
+        self._function = function
+        self._stopped = threading.Event()
+
+    def run(self) -> None:
+        """Call the function in the calling thread, at once and until ``stop`` is called."""
+        due = time.monotonic()
+        while not self._stopped.wait(max(0.0, due - time.monotonic())):
+            self._function()
+            due = max(due + self._period, time.monotonic())
+
+    def stop(self) -> None:
+        """End ``run``, also a later one; any thread may call this."""
+        self._stopped.set()
+
+
+class ExecutorLoop(Protocol):
+    """What works in the thread that calls ``run()``, until ``stop()``: one of the above."""
+
+    def run(self) -> None:
+        """Work in the calling thread, until ``stop`` is called."""
+
+    def stop(self) -> None:
+        """End ``run``, also a later one; call this once, from any thread."""
+
+
+@contextlib.contextmanager
+def running(
+        loop: ExecutorLoop, on_end: Callable[[], object] = lambda: None) -> Iterator[None]:
+    """
+    Run a loop in a thread during a ``with`` block; raise what it has raised at its end.
+
+    :param on_end: called when the loop has ended, also if it has raised an error
+    """
+    with ThreadPoolExecutor(max_workers=1) as threads:
+        future = threads.submit(loop.run)
+        future.add_done_callback(lambda _: on_end())
+        try:
+            yield
+        finally:
+            loop.stop()
+        future.result()

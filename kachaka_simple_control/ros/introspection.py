@@ -30,6 +30,7 @@ from kachaka_simple_control.control.events import (
     MotionStarted,
     OdometryReceived,
     SpeedFactorChanged,
+    VelocitySent,
 )
 from kachaka_simple_control.ros.debug_topics import (
     CommandedVelocityPublisher,
@@ -144,10 +145,9 @@ class _RobotTopics:
         self._add(SpeedFactorChanged, SPEED_FACTOR, lambda event: factor.publish(event.product))
         self._add_paths(thread)
         event_bus.subscribe(
-            failing_once(COMMANDED_VELOCITY, commanded.on_sent), wants=commanded.wants,
-            robot=robot.name)
-        event_bus.subscribe(
-            self._handle, wants=lambda event: type(event) in self._on_event, robot=robot.name)
+            failing_once(COMMANDED_VELOCITY, commanded.on_sent), kinds=(VelocitySent,),
+            robot=robot.name, is_active=commanded.is_wanted)
+        event_bus.subscribe(self._handle, kinds=self._on_event, robot=robot.name)
         factor.publish(1.0)
 
     def _add_paths(self, thread: PublisherThread) -> None:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The executors of the bridge: one for its node, one for its subscription of velocities."""
+"""The executors of a node, of subscriptions of velocities, and of what is done periodically."""
 
 from __future__ import annotations
 
@@ -25,8 +25,13 @@ from waiting import wait_until
 
 with optional_imports():
     from geometry_msgs.msg import Twist
-    from kachaka_simple_control.kachaka.bridge_command import _spinning
-    from kachaka_simple_control.ros.executors import NodeExecutor, SubscriptionExecutor
+    from kachaka_simple_control.ros import executors
+    from kachaka_simple_control.ros.executors import (
+        NodeExecutor,
+        PeriodicLoop,
+        running,
+        SubscriptionExecutor,
+    )
     import rclpy
     from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
     from rclpy.qos import qos_profile_sensor_data
@@ -204,6 +209,73 @@ class Endless:
 
 def test_end_of_an_executor_ends_the_program():
     ends = Ends()
-    with _spinning(Endless(), ends):
+    with running(Endless(), ends.end):
         assert not ends.requested.is_set()
     assert ends.requested.is_set()
+
+
+def test_an_error_of_a_loop_is_raised_at_the_end_of_the_block():
+    ends = Ends()
+    with pytest.raises(ZeroDivisionError), running(PeriodicLoop(0.01, lambda: 1 / 0), ends.end):
+        assert ends.requested.wait(AT_ONCE)
+
+
+def test_a_periodic_loop_calls_at_once_and_then_in_each_period_of_the_steady_clock():
+    called = []
+    with running(PeriodicLoop(0.02, lambda: called.append(time.monotonic()))):
+        assert wait_until(lambda: len(called) >= 11)
+    passed = called[10] - called[0]
+    # It cannot be early; late calls are allowed for, on a busy machine.
+    assert 0.19 < passed < 0.6
+
+
+def test_a_periodic_loop_leaves_missed_calls_out_and_ends_at_once():
+    called = []
+
+    def slow():
+        called.append(time.monotonic())
+        time.sleep(0.1 if len(called) == 1 else 0.0)
+
+    loop = PeriodicLoop(0.01, slow)
+    with running(loop):
+        assert wait_until(lambda: len(called) >= 4)
+    # Without the ten that were missed; a call that was delayed comes at once.
+    assert called[1] - called[0] >= 0.1
+    assert called[3] - called[1] >= 0.015
+    loop = PeriodicLoop(60.0, lambda: called.append(0.0))
+    begun = time.monotonic()
+    with running(loop):
+        assert wait_until(lambda: called[-1] == 0.0)
+    assert time.monotonic() - begun < AT_ONCE
+
+
+def test_a_message_that_waits_for_its_thread_has_the_time_of_its_arrival(node):
+    """Also after a clock was set, which would make its age absurd."""
+    received = []
+
+    def on_twist(_, arrival):
+        received.append((arrival, time.monotonic()))
+        time.sleep(0.3)
+
+    running = Running(SubscriptionExecutor(node, subscription(node), on_twist, timed=True))
+    publish = velocities(node)
+    assert is_reached(publish, received)
+    assert wait_until(lambda: time.monotonic() - received[-1][1] > 0.5)
+    del received[:]
+    begun = time.monotonic()
+    publish(1.0)
+    publish(2.0)
+    sent = time.monotonic()
+    assert wait_until(lambda: len(received) == 2)
+    running.stop()
+    (_, first), (arrival, handled) = received
+    assert first + 0.29 < handled
+    # DDS stamps by the system clock, which may be corrected meanwhile.
+    assert begun - 0.01 < arrival < sent + 0.2
+
+
+@pytest.mark.parametrize('age', [-5.0, 3600.0, 1.8e9])
+def test_an_age_that_a_clock_made_is_none(age):
+    now = time.monotonic()
+    arrival = executors._arrival({'received_timestamp': time.time_ns() - int(age * 1e9)})
+    assert now <= arrival <= time.monotonic()

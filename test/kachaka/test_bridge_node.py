@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 import math
 from pathlib import Path
 import signal
@@ -29,8 +30,8 @@ from ros_support import bridge, BridgeProcess
 from waiting import wait_until
 
 with optional_imports():
+    from kachaka_simple_control.files import cdr
     from kachaka_simple_control.motion.geometry import Velocity
-    from kachaka_simple_control.ros import conversions
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
 #: The distance driven in a command timeout of 0.3 s at 0.1 m/s [m].
@@ -95,10 +96,11 @@ def test_robot_clips_and_refuses_velocities(probe, namespace):
     ((-0.3, 1.57), None)])
 def test_a_velocity_that_is_cut_is_said_with_its_sign(node, monkeypatch, velocity, text):
     logged = []
-    monkeypatch.setattr(node, 'drive', lambda *_: None)
-    monkeypatch.setattr(node, 'get_logger', lambda: SimpleNamespace(
+    (robot,) = node.robots
+    monkeypatch.setattr(robot, 'drive', lambda *_: None)
+    monkeypatch.setattr(robot, 'logger', SimpleNamespace(
         warning=lambda line, **_: logged.append(line)))
-    node.on_velocity(conversions.twist(Velocity(*velocity)))
+    robot.on_velocity(cdr.twist(Velocity(*velocity)), 0.0)
     assert [line.startswith(text) for line in logged] == ([] if text is None else [True])
 
 
@@ -162,15 +164,22 @@ class CountingPublisher:
         self.published += 1
 
 
+def make_node(namespace):
+    """Return the node of a bridge with a simulated robot."""
+    from kachaka_simple_control.kachaka.bridge_node import BridgeNode
+    from kachaka_simple_control.kachaka.simulated_robot import SimulatedRobot
+    from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+    return BridgeNode(namespace, {
+        '': partial(SimulatedRobot, robot=SimulatedKachaka(time.monotonic()))})
+
+
 @pytest.fixture
 def node(namespace):
     """Yield the node of a bridge in this process."""
-    from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
-    from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
     import rclpy
     from rclpy.signals import SignalHandlerOptions
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = SimulatedBridge(SimulatedKachaka(time.monotonic()), namespace)
+    node = make_node(namespace)
     yield node
     node.destroy_node()
     rclpy.try_shutdown()
@@ -178,11 +187,12 @@ def node(namespace):
 
 def test_odometry_is_published_only_for_subscribers(node):
     """Each of the two topics by itself."""
+    (robot,) = node.robots
     for counts in ((0, 0), (1, 0), (0, 2)):
-        node._odometry = [CountingPublisher(count) for count in counts]
-        node._on_timer()
+        robot._odometry = [CountingPublisher(count) for count in counts]
+        node.update()
         assert [int(count > 0) for count in counts] == [
-            publisher.published for publisher in node._odometry]
+            publisher.published for publisher in robot._odometry]
 
 
 def open_sockets():
@@ -193,15 +203,12 @@ def open_sockets():
 def test_a_bridge_that_is_destroyed_or_refused_leaves_no_claim(node, namespace):
     """Not even an open socket."""
     from kachaka_simple_control.errors import RobotTakenError
-    from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
-    from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
-    robot = SimulatedKachaka(time.monotonic())
     sockets = open_sockets()
     with pytest.raises(RobotTakenError, match='an earlier node of this program has the robot'):
-        SimulatedBridge(robot, namespace)
+        make_node(namespace)
     assert open_sockets() == sockets
     node.destroy_node()
-    SimulatedBridge(robot, namespace).destroy_node()
+    make_node(namespace).destroy_node()
 
 
 @pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -239,6 +246,9 @@ def test_end_of_the_parent_ends_it():
     (('--sim', '--velocity-noise', 'much'), "--velocity-noise: 'much'; it must be a number"),
     (('--sim', '--speed', '3'), 'unrecognized arguments: --speed 3'),
     (('--sim', '-p', 'a:=1'), 'a:=1; write ROS arguments after --ros-args'),
+    (('--address', 'robot', '--odometry-rate', '10'), 'for simulated robots: it needs --sim'),
+    (('--sim', '--odometry-rate', '0'), '--odometry-rate is 0 Hz; it must be above 0 Hz'),
+    (('--sim', '--odometry-rate', '1001 Hz'), 'it must be above 0 Hz, and 1000 Hz at most'),
     (('--sim', '--namespace', 'a-b'), "--namespace is '/a-b'; a namespace begins with a slash"),
     (('--sim', '--namespace', 'a' * 230), 'characters; ROS takes 247 at most'),
     (('--sim', '--namespace', b'\xff'), 'surrogates not allowed'),

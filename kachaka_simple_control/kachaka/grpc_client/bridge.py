@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The ROS 2 node that controls a real Kachaka robot over gRPC.
+A real Kachaka robot, controlled over gRPC, on the node of a bridge.
 
 Tested by test/kachaka/grpc_client/test_grpc_bridge.py.
 """
@@ -27,7 +27,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from kachaka_simple_control.control.diagnosis import Level
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.bridge_node import BridgeNode, pose_text
+from kachaka_simple_control.kachaka.bridge_node import BridgedRobot, BridgeNode, pose_text
 from kachaka_simple_control.kachaka.grpc_client.client import ConnectedRobot
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import (
@@ -43,7 +43,6 @@ from kachaka_simple_control.kachaka.robot_status import connection_status, robot
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
 from kachaka_simple_control.motion.geometry import Pose, Velocity, yaw
 from kachaka_simple_control.ros import conversions
-from kachaka_simple_control.ros.executors import ExecutorLoop, SubscriptionExecutor
 from kachaka_simple_control.ros.names import DIAGNOSTICS
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
@@ -86,9 +85,9 @@ def _copy(source: Any, target: Any, names: str) -> None:
         setattr(target, name, getattr(source, name))
 
 
-class GrpcBridge(BridgeNode):
+class GrpcRobot(BridgedRobot):
     """
-    The ROS 2 node that controls a real robot over gRPC.
+    A real robot, controlled over gRPC, on the node of a bridge.
 
     One thread only receives velocities, one runs all other callbacks, further ones request
     odometry and errors from the robot and publish them.  The pose is logged when manual control is
@@ -96,16 +95,13 @@ class GrpcBridge(BridgeNode):
 
     :param frame_prefix: a text before the frame names in odometry; no separator is added
     :param give_up: called with the reason if a motion is aborted
-    :param on_conflict: as for ``BridgeNode``
-    :raises RobotTakenError: if another bridge already uses the same topic names
     """
 
     def __init__(
-            self, robot: ConnectedRobot, namespace: str, frame_prefix: str = '',
-            give_up: Callable[[str], None] = lambda _: None,
-            on_conflict: Callable[[str], None] = lambda _: None) -> None:
+            self, node: BridgeNode, name: str, robot: ConnectedRobot, frame_prefix: str = '',
+            give_up: Callable[[str], None] = lambda _: None) -> None:
+        super().__init__(node, name)
         self._log_thread = LogThread(self._log)
-        super().__init__(namespace, on_conflict)
         self._robot = robot
         self._frame_prefix = frame_prefix
         client = robot.client
@@ -115,7 +111,7 @@ class GrpcBridge(BridgeNode):
             client, self._driver, self._log_thread.log, self._publish_diagnostics)
         #: the newest odometry message of the robot's SDK; None if it was logged or none has come
         self._newest: Any = None
-        self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
+        self._diagnostics = node.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
         self._pollers = [
             self._odometry_poller(publisher, fetch)
             for publisher, fetch in zip(self._odometry, (client.odometry, client.wheel_odometry))]
@@ -123,20 +119,15 @@ class GrpcBridge(BridgeNode):
         for poller in (self._health, *self._pollers):
             poller.start()
 
-    def executors(self) -> list[ExecutorLoop]:
-        """Return two executors: for velocities, and for the rest; each needs its own thread."""
-        return [
-            SubscriptionExecutor(self, self._subscription, self.on_velocity), *super().executors()]
-
     @property
     def summary(self) -> str:
         """Return one line for the log about the robot, its address, topics and service."""
         return f'{self._robot.identity} at {self._robot.address}: {super().summary}'
 
-    def drive(self, velocity: Velocity, now: float) -> None:
+    def drive(self, velocity: Velocity, arrival: float) -> None:  # noqa: ARG002
         """Queue a velocity, and return at once; one that is infinite or NaN is not sent."""
         try:
-            command = velocity_command(velocity, KACHAKA.limits, now)
+            command = velocity_command(velocity, KACHAKA.limits, time.monotonic())
         except ValueError as error:
             self._log_thread.log(Level.WARN, f'the robot refused: {error}')
             return
@@ -176,7 +167,7 @@ class GrpcBridge(BridgeNode):
         def publish(source: Any) -> None:
             if publisher is self._odometry[0]:
                 self._newest = source
-            now = self.get_clock().now().to_msg()
+            now = self.node.get_clock().now().to_msg()
             publisher.publish(odometry(source, now, self._frame_prefix))
 
         return OdometryPoller(
@@ -185,7 +176,7 @@ class GrpcBridge(BridgeNode):
 
     def _publish_diagnostics(self) -> None:
         # Each status name starts with the namespace, which distinguishes several robots.
-        driver, robot = self._driver, self.get_namespace().strip('/')
+        driver, robot = self._driver, self.node.get_namespace().strip('/')
         identity = self._robot.identity
         self._diagnostics.publish(conversions.diagnostics(
             {(f'{robot}: link', identity): connection_status(
@@ -193,15 +184,15 @@ class GrpcBridge(BridgeNode):
                 time.monotonic()),
              (f'{robot}: robot', identity): robot_status(
                  driver.connection, self._health.codes, driver.texts)},
-            self.get_clock().now().to_msg()))
+            self.node.get_clock().now().to_msg()))
         if self._health.battery is not None:
             self.publish_battery(self._health.battery)
 
     def _log(self, level: Level, text: str) -> None:
         # One call for each level, because rclpy refuses different levels from one line of code.
         if level is Level.OK:
-            self.get_logger().info(text)
+            self.logger.info(text)
         elif level is Level.WARN:
-            self.get_logger().warning(text)
+            self.logger.warning(text)
         else:
-            self.get_logger().error(text)
+            self.logger.error(text)
