@@ -25,6 +25,7 @@ import tempfile
 
 from kachaka_simple_control.control.timing import SEARCH_JOIN_PERIOD, SEARCH_LEASE_TIME
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.ros.environment import leave_discovery_server
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 #: The variable that lists other machines; they are discovered even outside the discovery range.
@@ -171,6 +172,7 @@ def start_on_this_machine(own: object) -> None:
                 'sim=True comes too late to keep the simulated robot on this machine: make this '
                 'node first, before rclpy.init(), which it then calls itself; or set '
                 'ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST (on Humble ROS_LOCALHOST_ONLY=1)')
+    leave_discovery_server()
     use_localhost_only()
     if not rclpy.ok():
         rclpy.init()

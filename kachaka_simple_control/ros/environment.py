@@ -39,6 +39,11 @@ VARIABLES = {
                      'RCUTILS_LOGGING_BUFFERED_STREAM'), ('0', '1')),
 }
 DISCOVERY_SERVER = 'ROS_DISCOVERY_SERVER'
+#: Whether a client of a discovery server gets all that the server knows.  Humble's Fast DDS does
+#: not read it.
+SUPER_CLIENT = 'ROS_SUPER_CLIENT'
+#: The variables that name a file of Fast DDS profiles, which can have the same effect.
+PROFILES_FILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
 #: A server by UDP, as Fast DDS reads it: an address or a name, and perhaps a port.
 _SERVER = re.compile(r'(?:UDPv[46]:)?(?:\[(?P<v6>[^]]+)\]|(?P<v4>[^:;\[\]]+))(?::(?P<port>\d+))?')
 SERVER_PORT = 11811
@@ -135,8 +140,47 @@ def _check_discovery_server() -> None:
     if servers and all(map(_is_refused, servers)):
         raise UsageError(
             f'{DISCOVERY_SERVER} is {quoted(text, 100)}, and no discovery server is there: '
-            'without it nothing is found; start it with `fastdds discovery`, or unset the '
-            'variable')
+            'without it nothing is found; start it with `make discovery-server` or `fastdds '
+            'discovery`, or unset the variable')
+    if servers:
+        _become_super_client()
+
+
+def leave_discovery_server() -> str | None:
+    """
+    Use no discovery server in this process and its children: their robot is on this machine.
+
+    :returns: a text for the user about it; None if there was none
+    """
+    server = os.environ.pop(DISCOVERY_SERVER, '')
+    os.environ.pop(SUPER_CLIENT, None)
+    if not server:
+        return None
+    return f'{DISCOVERY_SERVER} is left out: what drives and what is driven are on this machine'
+
+
+def _become_super_client() -> None:
+    """
+    Let this process see all publishers that the discovery server knows.
+
+    An ordinary client is told of those alone that match its own subscriptions, and could not see
+    another program that sends velocities to its robot.
+
+    :raises UsageError: if it cannot
+    """
+    if any('SUPER_CLIENT' in Path(name).read_text(errors='replace') for name in map(
+            os.environ.get, PROFILES_FILES) if name and Path(name).is_file()):
+        return
+    if os.environ.get('ROS_DISTRO') == 'humble':
+        raise UsageError(
+            f'{DISCOVERY_SERVER} is set, and a client of Humble does not see who else drives a '
+            'robot: name a profile of a SUPER_CLIENT in FASTRTPS_DEFAULT_PROFILES_FILE '
+            '(docs/fleet.md has one), or unset the variable')
+    os.environ[SUPER_CLIENT] = value = os.environ.get(SUPER_CLIENT) or 'TRUE'
+    if value.upper() not in ('TRUE', '1'):
+        raise UsageError(
+            f'{SUPER_CLIENT} is {quoted(value, 60)}, and an ordinary client of a discovery server '
+            'does not see who else drives a robot: set it to TRUE, or unset it')
 
 
 def _is_refused(server: str) -> bool:

@@ -45,6 +45,7 @@ def test_on_humble_the_range_of_later_distros_is_not_read(monkeypatch):
 
 @pytest.mark.parametrize('form', ['127.0.0.1:{}', 'localhost:{}', ';127.0.0.1:{}', '[::1]:{}'])
 def test_a_discovery_server_that_is_not_there_is_known_before_the_search(monkeypatch, form):
+    monkeypatch.setenv('ROS_SUPER_CLIENT', 'TRUE')
     family = socket.AF_INET6 if '::' in form else socket.AF_INET
     with socket.socket(family, socket.SOCK_DGRAM) as server:
         try:
@@ -59,8 +60,54 @@ def test_a_discovery_server_that_is_not_there_is_known_before_the_search(monkeyp
 
 @pytest.mark.parametrize('text', ['TCPv4:[127.0.0.1]:9', ':::', ';', ''])
 def test_of_another_server_nothing_is_known(monkeypatch, text):
+    monkeypatch.setenv('ROS_SUPER_CLIENT', 'TRUE')
     monkeypatch.setenv('ROS_DISCOVERY_SERVER', text)
     environment.check_environment()
+
+
+@pytest.fixture
+def server(monkeypatch):
+    """Let a discovery server be where the variable says."""
+    monkeypatch.setenv('ROS_DISTRO', 'jazzy')
+    monkeypatch.setenv('ROS_SUPER_CLIENT', '')
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
+        server.bind(('127.0.0.1', 0))
+        monkeypatch.setenv('ROS_DISCOVERY_SERVER', f'127.0.0.1:{server.getsockname()[1]}')
+        yield server
+
+
+@pytest.mark.usefixtures('server')
+def test_a_client_of_a_discovery_server_is_a_super_client():
+    """Another one would not see who else drives its robot."""
+    environment.check_environment()
+    assert os.environ['ROS_SUPER_CLIENT'] == 'TRUE'
+
+
+@pytest.mark.usefixtures('server')
+def test_another_client_is_refused(monkeypatch):
+    monkeypatch.setenv('ROS_SUPER_CLIENT', 'FALSE')
+    with pytest.raises(UsageError, match="ROS_SUPER_CLIENT is 'FALSE', .* set it to TRUE"):
+        environment.check_environment()
+
+
+@pytest.mark.usefixtures('server')
+def test_on_humble_a_profile_makes_a_super_client(monkeypatch, tmp_path):
+    monkeypatch.setenv('ROS_DISTRO', 'humble')
+    monkeypatch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE', '')
+    with pytest.raises(UsageError, match='name a profile of a SUPER_CLIENT'):
+        environment.check_environment()
+    profile = tmp_path / 'client.xml'
+    profile.write_text('<discoveryProtocol>SUPER_CLIENT</discoveryProtocol>')
+    monkeypatch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE', str(profile))
+    environment.check_environment()
+    assert not os.environ['ROS_SUPER_CLIENT']
+
+
+@pytest.mark.usefixtures('server')
+def test_simulated_robots_use_no_discovery_server():
+    assert 'ROS_DISCOVERY_SERVER is left out' in environment.leave_discovery_server()
+    assert 'ROS_DISCOVERY_SERVER' not in os.environ
+    assert environment.leave_discovery_server() is None
 
 
 @pytest.mark.parametrize(('variables', 'text'), [
