@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         UsageError,
     )
     from kachaka_simple_control.files.library import find
+    from kachaka_simple_control.fleet.fleet import Fleet
     from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
     from kachaka_simple_control.motion.geometry import Pose, Velocity
     from kachaka_simple_control.motion.limits import Limits
@@ -51,10 +52,10 @@ if TYPE_CHECKING:
     from kachaka_simple_control.motion.waypoints import Goto, Waypoints
 
 __all__ = [
-    'Arc', 'ControlError', 'Forward', 'Goto', 'InvalidMotionError', 'KachakaSimpleControl',
-    'Limits', 'Motion', 'MotionRefusedError', 'Move', 'Plan', 'Pose', 'Repeat',
-    'RobotNotFoundError', 'RunFaultError', 'Settle', 'Step', 'Turn', 'UsageError', 'Velocity',
-    'Wait', 'Waypoints', 'find', 'plan',
+    'Arc', 'ControlError', 'Fleet', 'Forward', 'Goto', 'InvalidMotionError',
+    'KachakaSimpleControl', 'Limits', 'Motion', 'MotionRefusedError', 'Move', 'Plan', 'Pose',
+    'Repeat', 'RobotNotFoundError', 'RunFaultError', 'Settle', 'Step', 'Turn', 'UsageError',
+    'Velocity', 'Wait', 'Waypoints', 'find', 'plan',
 ]
 
 #: The public names, by the module that defines them.  They are loaded at the first use, so that a
@@ -63,6 +64,7 @@ _NAMES = {
     'errors': ('ControlError', 'InvalidMotionError', 'MotionRefusedError', 'RobotNotFoundError',
                'RunFaultError', 'UsageError'),
     'files.library': ('find',),
+    'fleet.fleet': ('Fleet',),
     'kachaka_simple_control': ('KachakaSimpleControl',),
     'motion.geometry': ('Pose', 'Velocity'),
     'motion.limits': ('Limits',),

@@ -64,6 +64,11 @@ def console() -> int:
     return run('console.console_command')
 
 
+def fleet() -> int:
+    """Run the command ``kachaka_fleet``, which drives robots in step; return its exit code."""
+    return run('commands.fleet')
+
+
 def bridge() -> int:
     """
     Run the command ``kachaka_bridge``, and return its exit code.

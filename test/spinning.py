@@ -15,9 +15,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 
 from rclpy.executors import Executor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 
 
 class SpinThread:
@@ -46,4 +48,6 @@ class SpinThread:
 
     def _spin(self) -> None:
         while not self._is_over.is_set():
-            self._executor.spin_once(timeout_sec=0.5)
+            # Another thread may destroy what this one waits for.
+            with contextlib.suppress(rclpy_implementation.InvalidHandle):
+                self._executor.spin_once(timeout_sec=0.5)

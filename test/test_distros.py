@@ -41,6 +41,7 @@ COMMON = {
         'Executor', 'ExternalShutdownException', 'MultiThreadedExecutor',
         'SingleThreadedExecutor'},
     'rclpy.impl.implementation_singleton': {'rclpy_implementation'},
+    'rclpy.impl.rcutils_logger': {'RcutilsLogger'},
     'rclpy.node': {'Node'},
     'rclpy.parameter': {'Parameter'},
     'rclpy.publisher': {'Publisher'},

@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 import contextlib
 from dataclasses import dataclass, field
 from glob import escape, glob
@@ -132,8 +132,14 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     """
     parser = _parser()
     if '_ARGCOMPLETE' in os.environ:
-        _complete(parser)
-    values = parse_values(parser, sys.argv[1:] if arguments is None else arguments)
+        from kachaka_simple_control.files.library import library
+        from kachaka_simple_control.files.robot_profile import robots
+        complete(parser, {
+            'motions': lambda prefix, **_: [*library(), *paths(prefix, '.yaml', '.yml')],
+            'robot': lambda prefix, **_: [*robots(), *paths(prefix, '.yaml', '.yml')],
+            'plot': lambda prefix, **_: paths(prefix, '.png', '.svg', '.pdf'),
+            'report': lambda prefix, **_: paths(prefix)})
+    values = parse_values(parser, arguments)
     take_simulation(parser, values)
     if values.pop('version'):
         from kachaka_simple_control.process.version import installed_version
@@ -175,12 +181,14 @@ def _check_motions(parser: OneLineParser, options: Options) -> None:
         parser.error('one motion can be driven at a time; --plan and --plot take several')
 
 
-def parse_values(parser: OneLineParser, arguments: Sequence[str]) -> dict[str, Any]:
+def parse_values(parser: OneLineParser, arguments: Sequence[str] | None) -> dict[str, Any]:
     """
-    Parse the command line arguments of a program that drives a robot.
+    Parse the command line arguments of a program that drives robots.
 
+    :param arguments: None for those of this process
     :returns: by name; ``ros_arguments`` for ROS, and ``command``, the whole command line
     """
+    arguments = sys.argv[1:] if arguments is None else arguments
     own, ros = split_ros_arguments(arguments)
     return {**vars(parser.parse_args(own)), 'ros_arguments': tuple(ros),
             'command': shlex.join([parser.prog, *arguments])}
@@ -221,10 +229,10 @@ def _parser() -> OneLineParser:
         help='stand by: Enter, or the service ~/run, starts the motion; ~/stop ends it')
     add('--quiet', action='store_true',
         help="show nothing while the robot drives but the node's log lines")
-    add('--speed', type=_speed, metavar='PERCENT',
+    add('--speed', type=speed_argument, metavar='PERCENT',
         help='drive slower than planned, as in --speed 50%%, on the same path; for a careful '
              'first drive')
-    add('--repeat', type=_count, default=1, metavar='N',
+    add('--repeat', type=count_argument, default=1, metavar='N',
         help='drive so many times, with --report DIR into DIR/1, DIR/2, ..., for kachaka_compare')
     add_drive_options(parser)
     add('--closed-loop', action=argparse.BooleanOptionalAction,
@@ -263,7 +271,7 @@ def add_drive_options(parser: OneLineParser) -> None:
              'says, or kachaka)')
     add('--rate', type=number_argument('Hz'), metavar='HZ',
         help='how often a velocity is sent (default: what the motion says, or 10)')
-    add('--report', type=_directory, metavar='DIR',
+    add('--report', type=directory_argument, metavar='DIR',
         help='write a report and a recording of the drive to this new directory')
     group = parser.add_argument_group('errors of the simulated robot, with --sim')
     add_simulation_options(group, 'the simulated robot')
@@ -271,7 +279,8 @@ def add_drive_options(parser: OneLineParser) -> None:
         help='everything after it is for ROS: remaps, parameters (-p robot_timeout:=30), ...')
 
 
-def _speed(text: str) -> float:
+def speed_argument(text: str) -> float:
+    """Return the value of ``--speed`` as a fraction: from 1% to 100%."""
     number = text.strip().removesuffix('%')
     with contextlib.suppress(ValueError):
         # A decimal comma is accepted here only to print the corrected number.
@@ -310,14 +319,16 @@ def _end_tolerance(text: str) -> str:
     return text
 
 
-def _directory(text: str) -> str:
+def directory_argument(text: str) -> str:
+    """Return the path of a new directory for a report."""
     if not text:
         # It would mean the current directory.
         raise argparse.ArgumentTypeError("'' is no directory; write the path of a new one")
     return text
 
 
-def _count(text: str) -> int:
+def count_argument(text: str) -> int:
+    """Return the value of ``--repeat``."""
     with contextlib.suppress(ValueError):
         if 1 <= (count := int(text)) <= MAX_REPEATS:
             return count
@@ -325,26 +336,25 @@ def _count(text: str) -> int:
         f'{escaped(text, 60)!r} is not a whole number from 1 to {MAX_REPEATS}')
 
 
-def _complete(parser: OneLineParser) -> NoReturn:
-    """Print the possible completions of a word for the shell, at Tab, and exit."""
+def complete(
+        parser: OneLineParser, completers: Mapping[str, Callable[..., list[str]]]) -> NoReturn:
+    """
+    Print the possible completions of a word for the shell, at Tab, and exit.
+
+    :param completers: for arguments, by name
+    """
     try:
         from argcomplete import autocomplete
     except ModuleNotFoundError:
         parser.exit(FAULTED, (
-            f'{NAME}: completion needs argcomplete in the environment of this command: '
+            f'{parser.prog}: completion needs argcomplete in the environment of this command: '
             '`pip install argcomplete` or `apt install python3-argcomplete`\n'))
-    from kachaka_simple_control.files.library import library
-    from kachaka_simple_control.files.robot_profile import robots
-    parser.set_completers({
-        'motions': lambda prefix, **_: [*library(), *_paths(prefix, '.yaml', '.yml')],
-        'robot': lambda prefix, **_: [*robots(), *_paths(prefix, '.yaml', '.yml')],
-        'plot': lambda prefix, **_: _paths(prefix, '.png', '.svg', '.pdf'),
-        'report': lambda prefix, **_: _paths(prefix)})
+    parser.set_completers(completers)
     autocomplete(parser, always_complete_options=False)
     parser.exit()
 
 
-def _paths(prefix: str, *suffixes: str) -> list[str]:
+def paths(prefix: str, *suffixes: str) -> list[str]:
     """Return the paths that complete a partly typed path, for completion in a shell."""
     found = glob(f'{escape(prefix)}*')  # noqa: PTH207 (a path keeps its ./)
     return [f'{path}/' if Path(path).is_dir() else path

@@ -24,7 +24,7 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from kachaka_simple_control.commands.cli import Options
+from kachaka_simple_control.commands.cli import NAME, Options
 from kachaka_simple_control.commands.settings import (
     choose_settings,
     chosen_speed,
@@ -43,6 +43,7 @@ from kachaka_simple_control.process.processes import ended_after
 from kachaka_simple_control.report import output_file
 from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
 from kachaka_simple_control.ros.dds_transport import use_localhost_only, use_udp_transport
+from kachaka_simple_control.ros.environment import leave_discovery_server
 from kachaka_simple_control.ros.parameter_files import without_effect
 from kachaka_simple_control.ros.parameters import session_started
 from kachaka_simple_control.ros.startup import start_ros
@@ -54,8 +55,10 @@ if TYPE_CHECKING:
     from kachaka_simple_control.analysis.drive_log import DriveLog
     from kachaka_simple_control.commands.remote_control import RemoteControl
     from kachaka_simple_control.commands.remote_reports import ReportWriter
+    from kachaka_simple_control.control.drive_requests import DriveRequest
     from kachaka_simple_control.files.motion_file import MotionFile
     from kachaka_simple_control.motion.drive_order import DriveOrder
+    from kachaka_simple_control.ros.drive_node import DriveNode
 
 #: The function that each key calls, by the character of the key.
 Keys = dict[str, Callable[[], object]]
@@ -72,7 +75,7 @@ def drive(options: Options) -> DriveLog:
     :raises ControlError: if the drive could not be completed; the robot was stopped
     :raises InvalidMotionError: if the robot cannot drive the motion; the robot has not moved
     """
-    reports = _reports() if options.pipe else None
+    reports = reports_to_stdout() if options.pipe else None
     make_nonblocking(STDOUT, STDERR)
     motion_file = _motion_file(options)
     # The stack closes a bridge last, after the robot is stopped and released.
@@ -80,6 +83,8 @@ def drive(options: Options) -> DriveLog:
         if options.report is not None:
             stack.enter_context(output_file.prepare_report_dir(options.report))
         if options.starts_bridge:
+            if text := leave_discovery_server():
+                print(f'{NAME}: {text}', file=sys.stderr)
             use_localhost_only()
         use_udp_transport()
         start_ros(options.ros_arguments)
@@ -158,7 +163,7 @@ def _print_table(
             log, subscribers.stop_confirmed_after, terminal_columns()), 'the table')
 
 
-def _reports() -> ReportWriter:
+def reports_to_stdout() -> ReportWriter:
     """
     Return an object that writes reports to standard output.
 
@@ -298,27 +303,24 @@ def _run(
         with terminal.Keyboard(keys, robot_control.get_logger().warning):
             play_lesson(robot_control)
     elif wait:
-        _wait_for_requests(robot_control, order, keys)
+        wait_for_requests(robot_control, partial(robot_control.drive, order), keys)
     else:
         with terminal.Keyboard(keys, robot_control.get_logger().warning):
             robot_control.drive(order)
 
 
-def _wait_for_requests(
-        robot_control: KachakaSimpleControl, order: DriveOrder, keys: Keys) -> None:
-    """Drive a motion at each call of ``~/run`` and each Enter, until the node is stopped."""
-    commander = robot_control.commander
-    drive = partial(robot_control.drive, order)
-    services = robot_control.drive_services
-    name = services.serve('~/run', partial(services.start, drive))
+def wait_for_requests(
+        node: DriveNode, drive: Callable[[DriveRequest], object], keys: Keys) -> None:
+    """Call a function that drives at each ``~/run`` and each Enter, until a stop for good."""
+    name = node.drive_services.serve('~/run', partial(node.drive_services.start, drive))
     how = f'`ros2 service call {name} std_srvs/srv/Trigger` starts the motion'
-    start = {'\n': partial(commander.start, drive)}
-    with terminal.Keyboard({**keys, **start}, robot_control.get_logger().warning):
+    start = {'\n': partial(node.commander.start, drive)}
+    with terminal.Keyboard({**keys, **start}, node.get_logger().warning):
         # Logged after the keyboard has started, because earlier keys are ignored.
         if terminal.is_keyboard():
             how = f'Enter starts the motion, Ctrl+C ends this program; {how}, too'
-        robot_control.get_logger().info(f'Standing by: {how}')
-        commander.serve_until_stopped()
+        node.get_logger().info(f'Standing by: {how}')
+        node.commander.serve_until_stopped()
 
 
 def _keys(robot_control: KachakaSimpleControl) -> Keys:

@@ -19,7 +19,7 @@ Tested by test/commands/test_confirmation.py.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import contextlib
 import dataclasses
 from pathlib import Path
@@ -86,18 +86,28 @@ def drive(options: Options) -> DriveLog:
     :raises UsageError: if ROS 2 is not installed, or its setup file was not sourced
     :raises ControlError: if the drive could not be completed; the robot was stopped
     """
+    with with_ros():
+        from kachaka_simple_control.commands.drive import drive as drive_by_ros
+    return drive_by_ros(options)
+
+
+@contextlib.contextmanager
+def with_ros() -> Iterator[None]:
+    """
+    Return a context manager in which modules that need ROS are imported: previews need none.
+
+    :raises UsageError: if ROS 2 is not installed, or its setup file was not sourced
+    """
     try:
-        # Imported here, because previews need no ROS.
         require_middleware()
         exit_on_interrupt()
-        from kachaka_simple_control.commands.drive import drive as drive_by_ros
+        yield
         raise_on_interrupt()
     except ModuleNotFoundError as error:
         raise UsageError(
             f'to drive a robot needs ROS 2, and its {error.name} is not here: source it first, '
             'as in `source /opt/ros/jazzy/setup.bash`, or use the environment that `make setup` '
             'makes') from None
-    return drive_by_ros(options)
 
 
 def _run(options: Options) -> None:

@@ -86,9 +86,8 @@ class RemoteControl(RemoteCommands):
         self._is_taken = False
         self._is_running_motion = False
         self._hand: HandSource | None = None
-        #: the commands that are not answered yet: the robot is being taken, or released
+        #: the number of the command that takes the robot, while this is not answered yet
         self._take: int | None = None
-        self._release: int | None = None
         self._refusal = ''
 
     def serve(self) -> None:
@@ -104,12 +103,6 @@ class RemoteControl(RemoteCommands):
         except Exception as error:
             self._reason = str(error)
             raise
-
-    def finish(self) -> None:
-        """Report that the program ends, and answer ``release``, after the robot was released."""
-        super().finish()
-        if self._release is not None:
-            self._writer.write(protocol.Answer(self._release, True, 'released'))
 
     def _on_sign_of_life(self) -> None:
         """Keep the speed factor of a motion valid; pause a motion whose factor has expired."""
@@ -292,16 +285,16 @@ class RemoteControl(RemoteCommands):
     def _is_under_way(self) -> bool:
         return self._hand is not None or super()._is_under_way()
 
-    def _write_more(self, progress: DriveProgress) -> None:
+    def _write_more(self) -> None:
         """Write a stamp for the hand, and the answer to ``take`` when the robot is ready."""
         if (hand := self._hand) is not None:
             self._writer.write(protocol.Stamp(hand.stamp()))
-        if self._take is not None and progress.state in (
+        if self._take is not None and self._progress.state in (
                 DriveState.DRIVING, DriveState.PAUSED):
             number, self._take = self._take, None
             self._writer.write(protocol.Answer(number, True, 'ready'))
 
-    def _state(self, progress: DriveProgress) -> protocol.State:
+    def _drive_state(self, progress: DriveProgress) -> protocol.State:
         return state_of(
             self._robot, progress, self._writer.velocity, self._is_taken,
             is_by_hand=self._hand is not None, reason=self._reason)

@@ -84,7 +84,7 @@ def to_json(message: Message, max_size: int = MAX_SIZE) -> str:
     """
     values = {'v': VERSION, 'type': message.TYPE, **_plain(message)}
     try:
-        text = json.dumps(values, separators=(',', ':'), allow_nan=False)
+        text = json.dumps(values, separators=(',', ':'), allow_nan=False, default=_plain)
     except ValueError as error:
         raise MessageError(f'{message.TYPE!r}: {error}') from None
     # Only ASCII, so a character is a byte.
@@ -93,12 +93,11 @@ def to_json(message: Message, max_size: int = MAX_SIZE) -> str:
     return text
 
 
-def _plain(value: Any) -> Any:
-    if is_dataclass(value):
-        return {part.name: _plain(getattr(value, part.name)) for part in fields(value)}
+def _plain(value: Any) -> dict[str, Any]:
+    """Return an object that JSON does not know, a message or a mapping, as a dict."""
     if isinstance(value, Mapping):
-        return {key: _plain(part) for key, part in value.items()}
-    return [_plain(part) for part in value] if isinstance(value, (list, tuple)) else value
+        return {**value}
+    return {part.name: getattr(value, part.name) for part in fields(value)}
 
 
 def from_json(
@@ -136,13 +135,13 @@ def by_type(kinds: Iterable[type[MessageT]]) -> dict[str, type[MessageT]]:
     return {kind.TYPE: kind for kind in kinds}
 
 
-def schema_of(title: str, kinds: Mapping[str, type[Message]]) -> dict[str, Any]:
+def schema_of(title: str, kinds: Iterable[type[Message]]) -> dict[str, Any]:
     """Return the JSON Schema (Draft 7) of a message."""
     return {
         '$schema': 'http://json-schema.org/draft-07/schema#',
         'title': title,
         'oneOf': [_object_schema(kind, {
-            'v': {'const': VERSION}, 'type': {'const': name}}) for name, kind in kinds.items()]}
+            'v': {'const': VERSION}, 'type': {'const': kind.TYPE}}) for kind in kinds]}
 
 
 def _decoded(data: bytes) -> Any:

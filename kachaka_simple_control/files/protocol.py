@@ -40,6 +40,7 @@ from kachaka_simple_control.files.messages import (
 
 __all__ = [
     'COMMANDS',
+    'FLEET_COMMANDS',
     'MAX_SIZE',
     'REPORTS',
     'SCHEMA',
@@ -47,6 +48,11 @@ __all__ = [
     'Alive',
     'Answer',
     'Command',
+    'Fleet',
+    'FleetState',
+    'FleetStateName',
+    'FloorRobot',
+    'FloorRobotState',
     'Hand',
     'Log',
     'MessageError',
@@ -58,6 +64,7 @@ __all__ = [
     'Resume',
     'Robot',
     'Run',
+    'RunFleet',
     'Sent',
     'Speed',
     'Stamp',
@@ -79,8 +86,17 @@ SCHEMA = 'console/protocol.schema.json'
 StateName = Literal[
     'standing by', 'taking', 'ready', 'driving by hand', 'driving', 'paused', 'stopping',
     'stopped', 'ended']
-#: x [m], y [m] and heading [rad] in the frame of the odometry at the start.
+#: The state of a fleet as a whole: ``taking`` while its robots get ready for a drive.
+FleetStateName = Literal[
+    'standing by', 'taking', 'driving', 'paused', 'stopping', 'stopped', 'ended']
+#: The state of a robot of a fleet: ``done`` after a complete drive, ``stopped`` after another.
+FloorRobotState = Literal[
+    'standing by', 'taking', 'driving', 'paused', 'stopping', 'done', 'stopped']
+#: x [m], y [m] and heading [rad] in the frame of the odometry at the start; for a fleet, in that
+#: of the floor.
 Pose = tuple[float, float, float]
+#: x and y [m].
+Point = tuple[float, float]
 #: A whole number that the answer repeats; the console never uses one twice for one process.
 Id = Annotated[int, Range(0, MAX_INTEGER)]
 
@@ -136,8 +152,15 @@ class Run(Request):
 
 
 @dataclass(frozen=True)
+class RunFleet(Request):
+    """Drive all robots of a fleet from their starts; answered at once, accepted or refused."""
+
+    TYPE: ClassVar[str] = 'run'
+
+
+@dataclass(frozen=True)
 class Stop(Request):
-    """Stop the robot; answered when the stop is complete."""
+    """Stop the robot, or all of a fleet; answered when the stop is complete."""
 
     TYPE: ClassVar[str] = 'stop'
 
@@ -196,7 +219,7 @@ class Robot(Report):
     max_linear_velocity: float
     max_backward_velocity: float
     max_angular_velocity: float
-    footprint: tuple[tuple[float, float], ...] | None = None
+    footprint: tuple[Point, ...] | None = None
     is_driven_here: bool = True
 
 
@@ -292,6 +315,80 @@ class Sent(Report):
 
 
 @dataclass(frozen=True)
+class FloorRobot:
+    """
+    A robot of a fleet on the floor.
+
+    :param motion: the name of its motion
+    :param start: where it stands at t = 0
+    :param duration: of its motion [s]
+    :param path: points on its planned path
+    :param outline: the number of its outline in those of the fleet, from 0; None if unknown
+    """
+
+    name: str
+    motion: str
+    start: Pose
+    duration: float
+    path: tuple[Point, ...]
+    outline: int | None = None
+
+
+@dataclass(frozen=True)
+class Fleet(Report):
+    """
+    A fleet; the first line of its drive process, written once.
+
+    :param source: the path of its file
+    :param margin: how near two outlines may come [m]
+    :param rounds: how often the motions are driven
+    :param duration: of one round [s]
+    :param outlines: the corners of each kind of robot as x (ahead) and y (left) [m]
+    """
+
+    TYPE: ClassVar[str] = 'fleet'
+    name: str
+    source: str
+    margin: float
+    rounds: int
+    duration: float
+    outlines: tuple[tuple[Point, ...], ...]
+    robots: tuple[FloorRobot, ...]
+
+
+@dataclass(frozen=True)
+class FleetState(Report):
+    """
+    The state of a fleet, at most 20 times a second, and only when something has changed.
+
+    A list has a value for each robot, in the order of ``fleet``.
+
+    :param round: from 1; None before the first
+    :param plan_time: how far the round has come, in the time of its plan [s]; None outside a round
+    :param speed: relative to the motions, from 0 to 1; that of the slowest robot
+    :param apart: by how much the plans of the robots had come apart by a pause, before all went on
+        in step [s]; None if they never had
+    :param reason: why the last drive ended early, or why the process stops
+    :param is_still: whether odometry shows that all robots stand still; None without recent
+        odometry of each
+    :param poses: where the robots are by odometry; None before the first drive, or without it
+    :param troubles: what is wrong with a robot, by its name
+    """
+
+    TYPE: ClassVar[str] = 'fleet_state'
+    state: FleetStateName
+    round: int | None = None  # noqa: A003
+    plan_time: float | None = None
+    speed: Annotated[float, Range(0.0, 1.0)] = 1.0
+    apart: float | None = None
+    reason: str | None = None
+    is_still: bool | None = None
+    states: tuple[FloorRobotState, ...] = ()
+    poses: tuple[Pose | None, ...] = ()
+    troubles: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Log(Report):
     """A message of the log."""
 
@@ -302,20 +399,26 @@ class Log(Report):
 
 _COMMANDS: tuple[type[Command], ...] = (
     Take, Release, Hand, Run, Stop, Pause, Resume, Speed, Alive)
-_REPORTS: tuple[type[Report], ...] = (Robot, MotionText, Stamp, Answer, State, Sent, Log)
+_REPORTS: tuple[type[Report], ...] = (
+    Robot, MotionText, Stamp, Answer, State, Sent, Fleet, FleetState, Log)
 #: The classes of commands, by type.
 COMMANDS = by_type(_COMMANDS)
+#: The classes of the commands to a fleet, by type.
+FLEET_COMMANDS: dict[str, type[Command]] = by_type((
+    RunFleet, Release, Stop, Pause, Resume, Alive))
 #: The classes of reports, by type.
 REPORTS = by_type(_REPORTS)
 
 
-def read_command(line: str | bytes) -> Command:
+def read_command(
+        line: str | bytes, kinds: Mapping[str, type[Command]] = COMMANDS) -> Command:
     """
     Read a command from a line; the line may end with a line break.
 
+    :param kinds: the classes of the commands, by type
     :raises MessageError: if the line is no valid command
     """
-    return from_json(line.rstrip(), COMMANDS)
+    return from_json(line.rstrip(), kinds)
 
 
 def read_report(line: str | bytes) -> Report:
@@ -339,4 +442,4 @@ def write_line(message: Message) -> bytes:
 def protocol_schema() -> dict[str, Any]:
     """Return the JSON Schema of all lines, which ``protocol.schema.json`` contains."""
     return schema_of(
-        'A line between the console and the drive process', {**COMMANDS, **REPORTS})
+        'A line between the console and the drive process', (*_COMMANDS, RunFleet, *_REPORTS))

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 import contextlib
+from dataclasses import replace
 from functools import partial
 import threading
 import time
@@ -31,7 +32,8 @@ from kachaka_simple_control.control.drive_requests import (
     DriveRequests,
     ResumeConfirmation,
 )
-from kachaka_simple_control.control.events import MotionPlanned
+from kachaka_simple_control.control.events import MotionPlanned, RobotsApart
+from kachaka_simple_control.control.in_step import InStep
 from kachaka_simple_control.control.preparation import complete, Moment, Steps
 from kachaka_simple_control.control.robot_drive import DriveProgress
 from kachaka_simple_control.control.speed_factor import MOVED, OVERRIDE, PAUSE
@@ -118,24 +120,46 @@ class Commander:
 
     def drive(
             self, orders: Mapping[Robot, DriveOrder], request: DriveRequest | None = None,
-            goes_on: bool = False) -> None:
+            goes_on: bool = False, start: float | None = None, repeat: int = 1,
+            on_round: Callable[[int], None] = lambda _: None) -> None:
         """
         Plan motions, drive the robots through them, all from one t = 0, and leave them at rest.
 
         :param goes_on: whether a fault of one robot ends its drive alone, and not those of all
+        :param start: t = 0 of the first round, when all must be ready [s]; None for as soon as
+            they are
+        :param repeat: the number of rounds; all begin each together
+        :param on_round: called before each round with its number, from 1
         :raises InvalidMotionError: if a robot cannot do its motion; none has moved then
         :raises ControlError: if there is no control of a robot, or the drive ended early
         """
         with self._accepted(request, orders) as accepted:
-            for robot, order in orders.items():
-                robot.drive.request(time.monotonic(), order.motion.name, order.plan)
-                robot.publish(MotionPlanned(
-                    order.motion, order.limits, order.rate, time.monotonic(), order.plan))
             accepted.period = min(order.plan.period for order in orders.values())
-            with Drive([
-                    RobotTask(robot, TickScheduler(order.plan), order.plan.period, order.corrected)
-                    for robot, order in orders.items()], goes_on) as run:
-                run()
+            for number in range(1, repeat + 1):
+                if number > 1:
+                    self._requests.renew(accepted)
+                on_round(number)
+                with self._round(orders, goes_on, start if number == 1 else None) as run:
+                    run()
+
+    def _round(
+            self, orders: Mapping[Robot, DriveOrder], goes_on: bool,
+            start: float | None) -> Drive:
+        for robot, order in orders.items():
+            robot.drive.request(time.monotonic(), order.motion.name, order.plan)
+            robot.publish(MotionPlanned(
+                order.motion, order.limits, order.rate, time.monotonic(), order.plan))
+        plans = [order.plan for order in orders.values()]
+        sources: Sequence[VelocitySource] = [TickScheduler(plan) for plan in plans]
+        if len(plans) > 1:
+            sources = InStep(plans, self._on_apart).sources
+        return Drive([
+            RobotTask(robot, source, order.plan.period, order.corrected)
+            for (robot, order), source in zip(orders.items(), sources)], goes_on, start)
+
+    def _on_apart(self, event: RobotsApart) -> None:
+        # Whoever keeps robots in step is told the time since t = 0.
+        self._hub.event_bus.publish(replace(event, time=time.monotonic()))
 
     def drive_source(
             self, robot: Robot, title: str, source: VelocitySource, period: float,

@@ -25,14 +25,15 @@ from dataclasses import dataclass
 from functools import partial
 import time
 
-from kachaka_simple_control.control.drive_loop import DriveLoop, old_objects_frozen
+from kachaka_simple_control.control.drive_loop import DriveLoop, interpreter_prepared
 from kachaka_simple_control.control.guardian import begin_heartbeat
+from kachaka_simple_control.control.in_step import PlanInStep
 from kachaka_simple_control.control.preparation import complete, Moment, Steps
 from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.tick_scheduler import VelocitySource
 from kachaka_simple_control.control.timing import FIRST_CHECK_TIME
 from kachaka_simple_control.control.velocity_gate import PortTime
-from kachaka_simple_control.errors import control_error, ControlError
+from kachaka_simple_control.errors import control_error, ControlError, MotionRefusedError
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.ros.robot import Robot
 
@@ -60,15 +61,18 @@ class Drive:
     is given, which drives them.
 
     :param goes_on: whether a fault of one robot ends its drive alone, and not those of all
+    :param start: t = 0, when all must be ready [s]; None for as soon as they are
     """
 
-    def __init__(self, tasks: Sequence[RobotTask], goes_on: bool = False) -> None:
-        self._tasks, self._goes_on = tasks, goes_on
+    def __init__(
+            self, tasks: Sequence[RobotTask], goes_on: bool = False,
+            start: float | None = None) -> None:
+        self._tasks, self._goes_on, self._start = tasks, goes_on, start
         self._robots = {task.robot.drive: task.robot for task in tasks}
         self._failed: dict[Robot, Exception] = {}
         #: the robots that have ended their plans before the others
         self._ended: set[Robot] = set()
-        self._frozen = contextlib.ExitStack()
+        self._interpreter = contextlib.ExitStack()
 
     def __enter__(self) -> Callable[[], None]:
         """
@@ -78,10 +82,11 @@ class Drive:
         """
         try:
             complete([partial(_prepare, task) for task in self._tasks], self._check)
-            self._frozen.enter_context(old_objects_frozen())
+            self._interpreter.enter_context(interpreter_prepared())
             # In the first round of the loop it would hold up the first velocity of the others.
-            for task in self._tasks:
+            for number, task in enumerate(self._tasks):
                 _check_graph(task)
+                task.robot.monitor.share_graph(number, len(self._tasks))
             self._loop = DriveLoop(
                 beat=begin_heartbeat(task.robot.guardian for task in self._tasks))
             port_time = PortTime()
@@ -89,16 +94,17 @@ class Drive:
                 gate = task.robot.gate
                 gate.port_time = port_time
                 gate.wake = partial(self._loop.wake, task.robot.drive)
-            # The first round of the loop checks all for faults, so that the second, at t0, only
-            # sends.
-            t0 = time.monotonic() + FIRST_CHECK_TIME * (len(self._tasks) - 1)
-            for task in self._tasks:
-                task.robot.begin(task.source, t0, task.period, task.corrected)
+            t0 = self._t0()
+            # Velocities leave earlier by the delay of a robot, so that all move together.
+            delays = [task.robot.delay for task in self._tasks]
+            for task, delay in zip(self._tasks, delays):
+                task.robot.begin(
+                    task.source, t0 + max(delays) - delay, task.period, task.corrected)
             return partial(
                 self._loop.run, [*self._robots], self._go_on if self._goes_on else None,
                 self._on_end)
         except BaseException as error:
-            self._frozen.close()
+            self._interpreter.close()
             self._stop(error)
             raise
 
@@ -118,7 +124,7 @@ class Drive:
             self._stop(failure)
             raise
         finally:
-            self._frozen.close()
+            self._interpreter.close()
             self._loop.close()
         if error is not None:
             if self._loop.failed is not None and isinstance(error, ControlError):
@@ -132,6 +138,20 @@ class Drive:
             _end_early([robot], fault)
         for fault in self._failed.values():
             raise fault
+
+    def _t0(self) -> float:
+        """
+        Return when the first velocity is due.
+
+        :raises MotionRefusedError: if that was to be earlier
+        """
+        # The first round of the loop checks all for faults, so that the second, at t0, only sends.
+        earliest = time.monotonic() + FIRST_CHECK_TIME * (len(self._tasks) - 1)
+        if self._start is not None and self._start < earliest:
+            raise MotionRefusedError(
+                f'the robots were ready {earliest - self._start:.1f} s after the time at which '
+                'they were to start: start later')
+        return self._start or earliest
 
     def _check(self) -> None:
         for task in self._tasks:
@@ -154,6 +174,10 @@ class Drive:
     def _go_on(self, drive: RobotDrive, error: Exception) -> None:
         robot = self._robots[drive]
         self._failed[robot] = robot.named(error) if isinstance(error, ControlError) else error
+        for task in self._tasks:
+            if task.robot is robot and isinstance(task.source, PlanInStep):
+                task.source.is_over = True  # the others do not wait for it
+        robot.record_end(self._failed[robot])
         robot.stop_later()
 
 

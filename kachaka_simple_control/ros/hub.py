@@ -25,6 +25,7 @@ from kachaka_simple_control.ros.graph import Graph
 from kachaka_simple_control.ros.odometry import OdometryReader, OdometryThread
 from kachaka_simple_control.telemetry.event_bus import EventBus
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 
 
@@ -48,6 +49,13 @@ class Hub:
         #: why no robot may move again: the first reason given; None while they may move
         self.stopped_by: ControlError | None = None
         self._is_stopped = threading.Event()
+
+    def logger(self, robot: str) -> RcutilsLogger:
+        """Return what logs for a robot, with its name in each line; empty: for the node."""
+        logger: RcutilsLogger = self.node.get_logger()
+        if robot:
+            logger = logger.get_child(robot)
+        return logger
 
     def start_odometry(self, readers: Sequence[OdometryReader]) -> None:
         """Start to receive the odometry of all robots, if any has some; call this once."""

@@ -64,7 +64,7 @@ class Robot:
 
     def __init__(self, hub: Hub, settings: RobotSettings) -> None:
         self._hub, node = hub, hub.node
-        self._logger = node.get_logger()
+        self._logger = hub.logger(settings.name)
         self.settings, parameters, profile = settings, settings.parameters, settings.profile
         #: empty for the only robot of a node
         self.name = settings.name
@@ -87,6 +87,7 @@ class Robot:
             self.publisher.transmit, profile.limits, self.guardian.latch, self.guardian.sending,
             command=profile.command)
         self.gate.publish = self.publish
+        self.gate.has_readers = partial(hub.event_bus.has_readers, robot=settings.name)
         manual_control = ManualControlClient(
             node, settings.names.manual_control, profile.manual_control_timeout)
         self.discovery = RobotDiscovery(
@@ -111,7 +112,7 @@ class Robot:
             self.gate, self.monitor, self.speed_factor, profile.command_timeout)
         self.stopper.on_stop = self.drive.on_stop
         self.connection = RobotConnection(
-            node, self.publisher, parameters,
+            node, self._logger, self.publisher, parameters,
             settings.names.odometry if parameters.odometry_timeout else None,
             self.odometry, self.drive, claim, self.guardian, self.discovery, self._foreign,
             manual_control, lease, hub.executor)
@@ -226,9 +227,13 @@ class Robot:
         if self.guardian.stopped_because is not None:
             error = errors.RunFaultError(
                 f'the guardian stopped the robot: {self.guardian.stopped_because}')
+        self.record_end(error)
+        return error
+
+    def record_end(self, error: BaseException) -> None:
+        """Record why a drive has ended early, unless that was done."""
         self.drive.finish(time.monotonic(), _text(error), is_fault=not isinstance(
             error, (errors.MotionRefusedError, KeyboardInterrupt)))
-        return error
 
     def release(self, moment: Moment) -> Steps[None]:
         """Let no velocity pass any more, and release the robot, which was stopped."""
@@ -251,7 +256,8 @@ class Robot:
         still_since = self.odometry.still_since(now)
         self.monitor.pause_pose.on_odometry(now, pose, still_since)
         self.stopper.end.on_odometry(pose)
-        self.publish(OdometryReceived(now, pose, velocity, still_since is not None))
+        if self.gate.has_readers(OdometryReceived):
+            self.publish(OdometryReceived(now, pose, velocity, still_since is not None))
 
     def check_resume(self, even_if_moved: bool) -> None:
         """Raise an error if the paused motion may not go on; do nothing if there is none."""
@@ -277,6 +283,12 @@ class Robot:
                 'nothing moves until this program is started again: the guardian has ended')
 
     @property
+    def delay(self) -> float:
+        """Return how long the robot takes to follow a velocity, if it is calibrated, or 0 [s]."""
+        calibration = self.settings.profile.calibration
+        return 0.0 if calibration is None else calibration.delay or 0.0
+
+    @property
     def pose(self) -> Pose | None:
         """Return the newest pose of the robot in the odometry frame; None before the first."""
         return self.monitor.pause_pose.newest
@@ -288,7 +300,9 @@ class Robot:
 
     def named(self, error: errors.ControlError) -> errors.ControlError:
         """Say in an error of this robot which of several has it."""
-        if self.name and error is not self._hub.stopped_by and error.args:
+        is_of_one = error is not self._hub.stopped_by and not isinstance(
+            error, errors.MotionStoppedError)
+        if self.name and is_of_one and error.args:
             error.args = (f'{self.name}: {error.args[0]}', *error.args[1:])
         return error
 

@@ -51,6 +51,7 @@ from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.context import Context
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 
 
@@ -68,6 +69,7 @@ class RobotConnection:
     """
 
     node: Node
+    logger: RcutilsLogger
     publisher: VelocityPublisher
     parameters: NodeParameters
     odometry_topic: str | None
@@ -109,7 +111,7 @@ class RobotConnection:
         if self.foreign.has_recent(moment.now) or (yield from self.foreign.detect(moment)):
             return
         if not (yield from self.manual_control.release(moment, RELEASE_TIMEOUT)):
-            self.node.get_logger().warning(
+            self.logger.warning(
                 f'The robot did not confirm within {RELEASE_TIMEOUT:g} s that manual control is '
                 'off; it goes off by itself')
 
@@ -140,7 +142,7 @@ class RobotConnection:
         self.discovery.remember_robot()
         self.is_taken = True
         if self.odometry_topic is not None and self.odometry.age(moment.now) is None:
-            self.node.get_logger().warning(
+            self.logger.warning(
                 f'No odometry has come on {self.odometry_topic} yet: until some does, no stop can '
                 'be confirmed, and a robot that is lost is noticed only when its subscription '
                 'goes, which may take 20 s')

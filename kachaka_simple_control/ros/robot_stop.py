@@ -48,7 +48,7 @@ class RobotStop(StopController):
         super().__init__(
             gate, profile.command_timeout, guardian, self._more_zeros_time, publish=gate.publish)
         self._hub, self._odometry, self._foreign, self._monitor = hub, odometry, foreign, monitor
-        self._logger = hub.node.get_logger()
+        self._logger, self._name = hub.logger(settings.name), settings.name
         #: how far from the plan the robot comes to rest
         self.end = EndCheck(profile.odometry_calibration)
         self._judge = EndJudge(
@@ -115,7 +115,9 @@ class RobotStop(StopController):
         permit = self._gate.permit
         if self._logged_stop_of is not permit:
             self._logged_stop_of = permit
-            self._logger.info('Robot has stopped')
+            # Of a fleet's robots the program says it once.
+            if not self._name:
+                self._logger.info('Robot has stopped')
         return ('nothing was sent: the robot had been stopped before' if was_stopped
                 else 'the robot was stopped')
 

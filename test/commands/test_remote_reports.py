@@ -30,7 +30,7 @@ import pytest
 
 RemoteCommands = MISSING
 with optional_imports():
-    from kachaka_simple_control.commands import remote_commands, remote_reports
+    from kachaka_simple_control.commands import remote_pipe, remote_reports
     from kachaka_simple_control.commands.remote_commands import RemoteCommands
 
 pytestmark = pytest.mark.needs('rclpy', 'std_msgs')
@@ -69,14 +69,15 @@ class Beside:
         """Begin at rest."""
         self.time, self.at, self.began = FakeTime(), at, 0.0
         clock = SimpleNamespace(monotonic=self.time.clock, sleep=self.time.sleep)
-        for module in (remote_commands, remote_reports):
+        for module in (remote_pipe, remote_reports):
             monkeypatch.setattr(module, 'time', clock)
         self.progress, self.written, self.looks = DriveProgress(), [], []
         robot = SimpleNamespace(odometry=StandstillDetector(), pose=None)
         writer = SimpleNamespace(
             velocity=ZERO, on_event=lambda event: None, write=self.written.append)
         self.commands = RemoteCommands(SimpleNamespace(
-            robot=robot, commander=self, profile=SimpleNamespace(is_kachaka=False)), 0, writer)
+            robot=robot, robots={'': robot}, commander=self,
+            profile=SimpleNamespace(is_kachaka=False)), 0, writer)
         self.commands._has_changed = self
         self.began, self.time.on_sleep = self.time.now, self.go_on
 
@@ -87,7 +88,7 @@ class Beside:
     def run(self, until):
         """Write reports; return when it looked for something to write [s]."""
         self.at[until] = lambda: setattr(self.commands, '_is_over', True)
-        self.commands._write_more = lambda progress: self.looks.append(self.time.now - self.began)
+        self.commands._write_more = lambda: self.looks.append(self.time.now - self.began)
         self.commands._write_reports()
         return self.looks
 

@@ -23,6 +23,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 import kachaka_simple_control
 from kachaka_simple_control.console import page_protocol
+from kachaka_simple_control.console.fleet_page_protocol import (
+    FleetPageState,
+    read_fleet_page_message,
+)
 from kachaka_simple_control.console.page_protocol import (
     read_page_message,
 )
@@ -36,6 +40,10 @@ from kachaka_simple_control.files.messages import (
 )
 from kachaka_simple_control.files.protocol import (
     COMMANDS,
+    Fleet,
+    FLEET_COMMANDS,
+    FleetState,
+    FloorRobot,
     Hand,
     MAX_SIZE,
     protocol_schema,
@@ -43,6 +51,7 @@ from kachaka_simple_control.files.protocol import (
     read_report,
     Report,
     Run,
+    RunFleet,
     SCHEMA,
     State,
     write_line,
@@ -65,13 +74,27 @@ STATES = st.builds(
     factors=st.dictionaries(TEXTS, FLOATS, max_size=3), planned=st.none() | POSES,
     driven=st.none() | POSES, velocity=st.tuples(FLOATS, FLOATS),
     odometry_age=st.none() | FLOATS, reason=st.none() | TEXTS)
+POINTS = st.lists(st.tuples(FLOATS, FLOATS), max_size=3).map(tuple)
+FLOOR_ROBOTS = st.builds(
+    FloorRobot, TEXTS, TEXTS, POSES, FLOATS, POINTS, st.none() | st.integers(0, 3))
+FLEETS = st.builds(
+    Fleet, TEXTS, TEXTS, FLOATS, st.integers(1, 9), FLOATS,
+    st.lists(POINTS, max_size=2).map(tuple), st.lists(FLOOR_ROBOTS, max_size=3).map(tuple))
+FLEET_STATES = st.builds(
+    FleetState, state=st.sampled_from(['taking', 'driving', 'ended']),
+    round=st.none() | st.integers(1, 9), plan_time=st.none() | FLOATS, speed=FACTORS,
+    apart=st.none() | FLOATS, reason=st.none() | TEXTS, is_still=st.none() | st.booleans(),
+    states=st.lists(st.sampled_from(['done', 'stopped']), max_size=3).map(tuple),
+    poses=st.lists(st.none() | POSES, max_size=3).map(tuple),
+    troubles=st.dictionaries(TEXTS, TEXTS, max_size=2))
 LINES = st.one_of(
     st.builds(Hand, sequence=IDS, stamp=FLOATS, linear_x=FLOATS, angular_z=FLOATS),
     st.builds(Run, id=IDS, text=TEXTS, name=TEXTS), st.builds(protocol.Speed, IDS, FACTORS),
     st.builds(protocol.Stop, IDS), st.just(protocol.Alive()), STATES,
     st.builds(protocol.Answer, IDS, st.booleans(), TEXTS, st.none() | st.booleans()),
     st.builds(protocol.Sent, st.lists(POSES, max_size=4).map(tuple)),
-    st.builds(protocol.Stamp, FLOATS), st.builds(protocol.Log, st.just('info'), TEXTS))
+    st.builds(protocol.Stamp, FLOATS), st.builds(protocol.Log, st.just('info'), TEXTS),
+    st.builds(RunFleet, IDS), FLEETS, FLEET_STATES)
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | TEXTS,
     lambda parts: st.lists(parts, max_size=3) | st.dictionaries(TEXTS, parts, max_size=3),
@@ -84,13 +107,16 @@ def test_a_line_is_read_as_it_was_written(message: Message):
     line = write_line(message)
     assert line.endswith(b'\n')
     assert line.count(b'\n') == 1
-    read = read_report if isinstance(message, Report) else read_command
-    assert message == read(line)
+    if isinstance(message, Report):
+        assert message == read_report(line)
+    else:
+        kinds = FLEET_COMMANDS if isinstance(message, RunFleet) else COMMANDS
+        assert message == read_command(line, kinds)
 
 
 @given(st.binary(max_size=200) | st.text(max_size=200) | JSON.map(json.dumps))
 def test_anything_else_is_refused_in_one_sentence(text: str | bytes):
-    for read in (read_command, read_report, read_page_message):
+    for read in (read_command, read_report, read_page_message, read_fleet_page_message):
         with pytest.raises(MessageError) as caught:
             read(text)
         assert '\n' not in str(caught.value)
@@ -134,9 +160,29 @@ def test_a_text_that_is_no_line_is_refused(text: str, reason: str):
     assert reason in str(caught.value)
 
 
+@pytest.mark.parametrize('line, is_for_fleet', [
+    ('{"v":1,"type":"run","id":1}', True),
+    ('{"v":1,"type":"run","id":1,"text":"steps: []","name":"a.yaml"}', False),
+    ('{"v":1,"type":"take","id":1}', False),
+    ('{"v":1,"type":"hand","sequence":1,"stamp":0,"linear_x":0,"angular_z":0}', False),
+    ('{"v":1,"type":"speed","id":1,"factor":0.5}', False)])
+def test_a_fleet_is_run_without_a_text_and_not_driven_by_hand(line: str, is_for_fleet: bool):
+    right, wrong = (FLEET_COMMANDS, COMMANDS) if is_for_fleet else (COMMANDS, FLEET_COMMANDS)
+    read_command(line, right)
+    with pytest.raises(MessageError):
+        read_command(line, wrong)
+
+
+def test_a_state_of_50_robots_is_short():
+    state = FleetState(
+        'driving', 1, 12.34, states=50 * ('driving',), poses=50 * ((-12.345, 12.345, -3.142),))
+    assert len(write_line(state)) < 2_500
+
+
 def test_the_state_of_a_page_has_all_of_the_drive():
-    assert {part.name for part in fields(State)} < {
-        part.name for part in fields(page_protocol.PageState)}
+    for state, of_page in ((State, page_protocol.PageState), (FleetState, FleetPageState)):
+        assert {part.name for part in fields(state)} < {
+            part.name for part in fields(of_page)}
 
 
 def test_the_schema_file_is_that_of_the_classes():

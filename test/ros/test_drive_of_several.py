@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import replace
 import os
 from pathlib import Path
 import sys
@@ -24,14 +25,18 @@ import time
 import traceback
 
 import kachaka_simple_control
+from kachaka_simple_control.control.events import RobotsApart
 from kachaka_simple_control.errors import (
+    MotionRefusedError,
     MotionStoppedError,
     RobotNotFoundError,
     RunFaultError,
     UsageError,
 )
+from kachaka_simple_control.files.robot_profile import find_robot
 from kachaka_simple_control.motion.drive_order import DriveOrder
-from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Forward, Motion, Move
 from kachaka_simple_control.process.exit_codes import code_of, NO_ROBOT
 from optional_libraries import optional_imports
 from program import children_of
@@ -239,3 +244,53 @@ def test_few_of_our_functions_are_between_the_call_and_the_wire(listener, make, 
     (_, to_wire), (_, to_zero) = sent[first], sent[first + 3]
     assert len(to_wire) <= 6, to_wire
     assert len(to_zero) <= 7, to_zero
+
+
+def test_commands_leave_earlier_by_the_delay_of_a_robot(lab, tmp_path):
+    """So that robots move together, and not messages; generous for a busy machine."""
+    slow = tmp_path / 'slow.yaml'
+    slow.write_text('extends: kachaka\ncalibration: {delay: 0.4 s}\n')
+    node, listeners = lab('one', 'two')
+    node.robots['one'].settings = replace(
+        node.robots['one'].settings, profile=find_robot(str(slow)))
+    drive_all(node)
+    one, two = (listeners[name].wait_for(lambda velocity: velocity.moves).time
+                for name in ('one', 'two'))
+    assert 0.3 < two - one < 0.5
+
+
+def test_a_start_is_a_time_or_nobody_moves(lab):
+    node, listeners = lab('one', 'two')
+    orders = {robot: forward(robot) for robot in node.robots.values()}
+    with pytest.raises(MotionRefusedError, match=r'ready \d+\.\d s after .* start later'):
+        node.commander.drive(orders, start=time.monotonic() + 0.01)
+    assert not any(listener.moves() for listener in listeners.values())
+    wanted = time.monotonic() + 2.0
+    node.commander.drive(orders, start=wanted)
+    for listener in listeners.values():
+        began = listener.wait_for(lambda velocity: velocity.moves).time
+        assert began - time.time() + time.monotonic() == pytest.approx(wanted, abs=0.1)
+
+
+def test_after_a_pause_they_wait_for_each_other_at_a_rest(lab):
+    """The second has a third of the deceleration of the first."""
+    node, listeners = lab('one', 'two')
+    apart = []
+    node.event_bus.subscribe(apart.append, kinds=[RobotsApart])
+    motion = Motion('there and back', (Forward(0.3), Forward(-0.3)))
+    one, two = node.robots.values()
+    thread = threading.Thread(target=node.commander.drive, args=({
+        one: DriveOrder.of(motion, Limits(0.3, 1.5, 0.5, 2.5), 20.0),
+        two: DriveOrder.of(motion, Limits(0.3, 1.5, 0.15, 2.5), 20.0)},))
+    thread.start()
+    listeners['two'].wait_for(lambda velocity: velocity.linear_x > 0.15)
+    node.commander.pause()
+    time.sleep(1.0)
+    node.commander.resume()
+    thread.join()
+    node.event_bus.flush()
+    assert [event.robots for event in apart] == [2]
+    assert apart[0].apart > 0.05
+    for listener in listeners.values():
+        assert sum(move.linear_x * move.duration for move in listener.moves()) == pytest.approx(
+            0.0, abs=0.01), 'held by the clock of a busy machine'
