@@ -31,9 +31,20 @@ import termios
 import threading
 import time
 
-from kachaka_simple_control.control.events import DriveState, Event, VelocitySent
+from kachaka_simple_control.control.events import (
+    DriveState,
+    Event,
+    FleetStarted,
+    RobotEvent,
+    VelocitySent,
+)
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.display.drive_status import DriveStatus, DriveTracker, STEP, StepStatus
+from kachaka_simple_control.display.fleet_status import (
+    FleetLogger,
+    FleetStatus,
+    FleetTracker,
+)
 from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.process import processes
 from kachaka_simple_control.process.output import make_blocking, STDERR
@@ -111,20 +122,22 @@ class LineRenderer:
     def __init__(self, write: Callable[[str], None], has_hint: bool = True) -> None:
         self._write = write
         self._has_hint = has_hint
-        self._logger = StepLogger()
+        self._logger, self._fleet_logger = StepLogger(), FleetLogger()
         self._lock = threading.Lock()
 
-    def show(self, status: DriveStatus, now: float, hint: str) -> None:
+    def show(self, status: DriveStatus | FleetStatus, now: float, hint: str) -> None:
         """Write lines about a new step or a long wait and, before the first motion, the hint."""
         if self._has_hint and status.state in (DriveState.CONNECTING, DriveState.DRIVING):
             self._has_hint = False
             self._write(f'{hint}\n')
         self.on_event(status, now)
 
-    def on_event(self, status: DriveStatus, now: float) -> None:
+    def on_event(self, status: DriveStatus | FleetStatus, now: float) -> None:
         """Write such lines after an event; called by the threads that read and that draw."""
         with self._lock:
-            for line in self._logger.update(status, now):
+            for line in (self._fleet_logger.update(status, now)
+                         if isinstance(status, FleetStatus) else
+                         self._logger.update(status, now)):
                 self._write(f'{line}\n')
 
     def close(self) -> None:
@@ -143,13 +156,14 @@ class PanelRenderer(LineRenderer):
 
     def __init__(
             self, write: Callable[[str], None], size: Callable[[], os.terminal_size],
-            render: Callable[[int, DriveStatus, str], list[str]]) -> None:
+            render: Callable[
+                [os.terminal_size, DriveStatus | FleetStatus, str], list[str]]) -> None:
         super().__init__(write)
         self._size, self._render = size, render
         self._drawn: tuple[os.terminal_size, list[str]] | None = None
         self._is_small = _is_too_small(size())
 
-    def show(self, status: DriveStatus, now: float, hint: str) -> None:
+    def show(self, status: DriveStatus | FleetStatus, now: float, hint: str) -> None:
         """Draw the panel if its text or the size of the terminal has changed."""
         size = self._size()
         if _is_too_small(size):
@@ -158,17 +172,17 @@ class PanelRenderer(LineRenderer):
             super().show(status, now, hint)
             return
         self._is_small = False
-        lines = self._render(size.columns, status, hint)
+        lines = self._render(size, status, hint)
         if self._drawn == (size, lines):
             return
         text = ''
-        if self._drawn is None or self._drawn[0] != size:
+        if self._drawn is None or self._drawn[0] != size or len(self._drawn[1]) != len(lines):
             self.close()
             text = terminal.reserve_rows(size.lines, len(lines))
         self._write(text + terminal.draw_rows(size.lines, lines))
         self._drawn = size, lines
 
-    def on_event(self, status: DriveStatus, now: float) -> None:
+    def on_event(self, status: DriveStatus | FleetStatus, now: float) -> None:
         """Write plain lines if the terminal is too small for the panel; otherwise do nothing."""
         if self._is_small:
             super().on_event(status, now)
@@ -193,6 +207,7 @@ def renderer_for(descriptor: int) -> LineRenderer:
     if not terminal.is_terminal(descriptor):
         return LineRenderer(write, has_hint=False)
     try:
+        from kachaka_simple_control.display.fleet_panel import render_fleet
         from kachaka_simple_control.display.panel import render_panel
         from rich.console import Console
     except ModuleNotFoundError:
@@ -200,20 +215,26 @@ def renderer_for(descriptor: int) -> LineRenderer:
               'is one line.\n')
         return LineRenderer(write)
     console = Console(file=sys.stderr, highlight=False, markup=False)
-    return PanelRenderer(
-        write, partial(os.get_terminal_size, descriptor), partial(render_panel, console))
+
+    def render(
+            size: os.terminal_size, status: DriveStatus | FleetStatus, hint: str) -> list[str]:
+        if isinstance(status, FleetStatus):
+            return render_fleet(console, size, status, hint)
+        return render_panel(console, size.columns, status, hint)
+
+    return PanelRenderer(write, partial(os.get_terminal_size, descriptor), render)
 
 
 class TerminalDisplay:
     """
-    Shows a drive; it reads the events of the driving program from standard input.
+    Shows a drive, or that of a fleet; it reads the events of the program from standard input.
 
     :param renderer: the object that shows the status, as a panel or as plain lines
     """
 
     def __init__(self, renderer: LineRenderer, parent: int) -> None:
         self._renderer, self._parent = renderer, parent
-        self._tracker = DriveTracker()
+        self._tracker: DriveTracker | FleetTracker = DriveTracker()
         self._lock = threading.Lock()
         self._end = threading.Event()
         self._velocity_sent = threading.Event()
@@ -249,8 +270,14 @@ class TerminalDisplay:
             self._end.set()
             self._velocity_sent.set()
 
-    def _on_event(self, event: Event) -> None:
+    def _on_event(self, event: Event | RobotEvent) -> None:
         with self._lock:
+            if isinstance(event, FleetStarted):
+                self._tracker = FleetTracker(event)
+            if isinstance(self._tracker, FleetTracker):
+                self._tracker.on_event(event)
+            if isinstance(self._tracker, FleetTracker) or isinstance(event, RobotEvent):
+                return
             self._tracker.on_event(event)
             if not isinstance(event, VelocitySent):
                 return
@@ -267,29 +294,31 @@ class TerminalDisplay:
         with self._lock:
             status = self._tracker.status_at(now)
         self._renderer.show(
-            status, now, stop_hint(self._parent, self._tracker.has_keys, status.is_held))
+            status, now, stop_hint(self._parent, self._tracker, status.is_held))
 
 
-def describe_killed(tracker: DriveTracker) -> str:
+def describe_killed(tracker: DriveTracker | FleetTracker) -> str:
     """
     Return a line for the user about a driving program that was killed in a motion or at rest.
 
-    It says whether a guardian stops the robot.
+    It says whether a guardian stops what it drove.
     """
-    killed = 'kachaka_simple_control was killed'
+    killed = f'{tracker.program} was killed'
     if not tracker.is_under_way:
         return killed
     if tracker.is_guarded:
-        return f'{killed} in mid-motion: its guardian stops the robot'
+        return f'{killed} in mid-motion: its guardian stops {tracker.what}'
     return f'{killed} in mid-motion, and has no guardian: nothing but the robot itself stops it'
 
 
-def stop_hint(pid: int, has_keys: bool, is_held: bool) -> str:
+def stop_hint(pid: int, tracker: DriveTracker | FleetTracker, is_held: bool) -> str:
     """Return a short text that says how to stop the robot, and which other keys there are."""
     if processes.is_in_background(pid):
-        return f'`kill {pid}` stops the robot'
-    if not has_keys:
-        return 'Ctrl+C stops the robot'
+        return f'`kill {pid}` stops {tracker.what}'
+    if not tracker.has_keys:
+        return f'Ctrl+C stops {tracker.what}'
+    if isinstance(tracker, FleetTracker):  # its speed is chosen before the start
+        return f'{"r resumes" if is_held else "space pauses"}, Ctrl+C stops all'
     return f'{"r resumes" if is_held else "space pauses"}, + - speed, q stops'
 
 

@@ -41,7 +41,7 @@ WHITE, BLACK = '#ffffff', '#000000'
 #: The same colours as in the plots of the report.
 BLUE, GREY, ORANGE = '#0072B2', '#666666', '#D55E00'
 #: The style of each state; colour-blind people can distinguish the colours.
-_STYLES = {
+STATE_STYLES = {
     DriveState.DRIVING: f'bold {WHITE} on {BLUE}',
     DriveState.PAUSED: f'bold {BLACK} on {ORANGE}',
     DriveState.STOPPING: f'bold {BLACK} on {ORANGE}',
@@ -95,7 +95,7 @@ def _head(status: DriveStatus, hint: str, line: str, width: int) -> Text:
 def _state(status: DriveStatus, width: int) -> list[Text]:
     word = f' {status.state.value.upper()} '
     text = _state_text(status)
-    style = _STYLES.get(status.state, 'bold reverse')
+    style = STATE_STYLES.get(status.state, 'bold reverse')
     if status.state is not DriveState.CUT_SHORT:
         second = _step(status) if status.state is not DriveState.WAITING else _row(
             'topic', one_line(status.topic, MAX_COLUMNS) or 'not known yet')

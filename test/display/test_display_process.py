@@ -79,6 +79,45 @@ print(f'slowest {slowest:.3f} closed {time.monotonic() - ended:.3f}')
 """
 
 
+#: Publishes a fleet whose third robot is late, and waits for its end.
+FLEET_PUBLISHER = """
+import sys, time
+from kachaka_simple_control.telemetry.event_bus import EventBus
+from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcesses
+from kachaka_simple_control.display.terminal import DisplayProcess
+from kachaka_simple_control.motion.geometry import ORIGIN, Velocity
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Forward, Motion
+from kachaka_simple_control.control.events import *
+
+limits, event_bus = Limits(0.25, 1.0), EventBus()
+names = tuple(f'r{number}' for number in range(1, 31))
+with SubscriberProcesses(event_bus) as subscribers:
+    subscribers.add(DisplayProcess(), OVERVIEW)
+    event_bus.publish(FleetStarted('many', tuple(
+        FleetMember(name, ORIGIN, 'there') for name in names), 2))
+    for name in names:
+        event_bus.publish(SessionStarted(
+            'there', 'kachaka', limits, 0.3, 0.0, 'cmd_vel', None,
+            settings={'guardian': True}), name)
+        event_bus.publish(MotionPlanned(Motion('there', (Forward(9.0),)), limits, 20.0), name)
+        event_bus.publish(StateChanged(time.monotonic(), DriveState.WAITING), name)
+    sys.stdin.readline()
+    began = time.monotonic()
+    for name in names:
+        event_bus.publish(MotionStarted(began), name)
+        event_bus.publish(StateChanged(began, DriveState.DRIVING), name)
+    print('log line', flush=True)
+    while True:
+        now = time.monotonic()
+        for name in names:
+            event_bus.publish(VelocitySent(now, Velocity(0.25), VelocityKind.PLAN), name)
+            event_bus.publish(ProgressMade(
+                now, now - began, Velocity(0.25), 0.02 if name == 'r3' else 0.0), name)
+        time.sleep(0.2)
+"""
+
+
 def publisher(distance):
     """Return a program that publishes a drive of some length, at 0.25 m/s."""
     return [sys.executable, '-c', PUBLISHER.replace('DISTANCE', str(distance))]
@@ -115,6 +154,28 @@ def test_a_panel_stays_below_log_lines_that_scroll(columns, rows):
         assert shown.screen.bottom == rows - 6
         assert shown.end() == 0
         assert all_lines(shown.screen.above, 10)
+        assert is_clean(shown.screen)
+
+
+def test_a_fleet_has_a_row_a_robot_and_is_gone_when_its_program_is_killed():
+    with at_terminal([sys.executable, '-c', FLEET_PUBLISHER]) as shown:
+        shown.wait_for_text('and 14 more: waiting')
+        shown.press(b'\n')
+        shown.wait_for_text('late by 20.0 ms')
+        lines = shown.screen.lines[-18:]
+        assert lines[0].startswith('many  ')
+        assert lines[0].endswith('Ctrl+C stops all robots')
+        assert ' of 36.0 s  round 1 of 2 ' in lines[0]
+        assert [line.split()[:2] for line in lines[1:-1]] == [
+            [name, 'DRIVING'] for name in ('r3', 'r1', 'r2', *(
+                f'r{number}' for number in range(4, 17)))]
+        assert lines[-1] == 'and 14 more: driving'
+        shown.wait_for_text('log line')
+        shown.process.send_signal(signal.SIGKILL)
+        shown.process.wait()
+        shown.wait_for_text(
+            'kachaka_fleet was killed in mid-motion: its guardian stops all robots')
+        shown.read_for(0.3)
         assert is_clean(shown.screen)
 
 
