@@ -128,6 +128,9 @@ def read_drive(directory: Path) -> DriveEnd:
         raise UsageError(f'{name}: no report is here: run.json: {error.strerror}') from None
     except (ValueError, RecursionError):
         raise UsageError(f'{name}: run.json is not that of a report') from None
+    if isinstance(data, dict) and 'fleet' in data:
+        raise UsageError(
+            f'{name}: this is the report of a fleet, and only drives of one robot are compared')
     if not isinstance(data, dict) or data.get('format') != FORMAT or 'path' not in data:
         raise UsageError(
             f'{name}: run.json is not that of a report of this version; drive once more')

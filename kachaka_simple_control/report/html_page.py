@@ -80,16 +80,6 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
         it is complete
     :raises UsageError: if Jinja2 is missing
     """
-    try:
-        from jinja2 import Environment, StrictUndefined
-    except ModuleNotFoundError as error:
-        if error.name != 'jinja2':
-            raise
-        raise UsageError(NEEDS_JINJA2) from None
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-                              lstrip_blocks=True, keep_trailing_newline=True)
-    environment.filters.update(number=_number, degrees=_degrees, short=format_number)
-    template = environment.from_string(_resource('templates/report.html.j2'))
     steps, all_steps = _step_tables(summary)
     outcome, lost = summary.outcome, summary.timing.lost
     kind, sign = outcome.kind.value.replace(' ', '-'), SIGNS[outcome.kind]
@@ -97,8 +87,8 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
     if outcome.kind is OutcomeKind.DONE and lost:
         kind, sign = 'lost', LOST_SIGN
         headline = f'{headline}, with {pluralize(lost, "message")} lost'
-    return _keep_units(template.render(
-        style=_resource('report.css'), summary=summary, log=summary.log,
+    return render_template(
+        'report.html.j2', summary=summary, log=summary.log,
         session=summary.log.session_started, aligned=summary.aligned, timing=summary.timing,
         sleep_loop=summary.sleep_loop, outcome=outcome, kind=kind, sign=sign, headline=headline,
         plots=plots, no_plots=no_plots, recording=recording, ended=_ended(summary),
@@ -107,8 +97,29 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
         band=round(summary.aligned.time_span / BANDS, 1), is_dense=is_dense(summary.aligned),
         motions=_ends(summary.log.motions), shows_motions=_shows_motions(summary),
         has_motions=len({step.motion for step in summary.steps}) > 1, robot=_robot(summary),
-        description=_description(summary), extra=1e3 * LOOP_OVERHEAD, pluralize=pluralize,
-        unknown=UNKNOWN, in_flow=IN_FLOW, describe_flow=describe_flow, speed=_ends(summary.speed)))
+        description=_description(summary), extra=1e3 * LOOP_OVERHEAD, in_flow=IN_FLOW,
+        describe_flow=describe_flow, speed=_ends(summary.speed))
+
+
+def render_template(name: str, **values: object) -> str:
+    """
+    Return an HTML page from a template of this package; a number and its unit stay together.
+
+    :raises UsageError: if Jinja2 is missing
+    """
+    try:
+        from jinja2 import Environment, FunctionLoader, StrictUndefined
+    except ModuleNotFoundError as error:
+        if error.name != 'jinja2':
+            raise
+        raise UsageError(NEEDS_JINJA2) from None
+    environment = Environment(
+        loader=FunctionLoader(lambda file: _resource(f'templates/{file}')), autoescape=True,
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True)
+    environment.filters.update(number=_number, degrees=_degrees, short=format_number)
+    return _keep_units(environment.get_template(name).render(
+        style=_resource('report.css'), pluralize=pluralize, unknown=UNKNOWN, **values))
 
 
 def _keep_units(page: str) -> str:

@@ -27,9 +27,15 @@ import math
 from typing import Any
 
 from kachaka_simple_control.analysis.drive_log import MotionLog
+from kachaka_simple_control.analysis.fleet_summary import FleetSummary
 from kachaka_simple_control.analysis.message_timing import Quantiles
 from kachaka_simple_control.analysis.step_results import Result, StepResult
-from kachaka_simple_control.analysis.summary import signal_name, SpeedInterval, Summary
+from kachaka_simple_control.analysis.summary import (
+    Outcome,
+    signal_name,
+    SpeedInterval,
+    Summary,
+)
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.motion.paths import simplify
 from kachaka_simple_control.report.map_plot import path_lines
@@ -53,6 +59,27 @@ def run_json(summary: Summary, recording: str | None) -> str:
         it is complete
     """
     return json.dumps(_plain(fields(summary, recording)), indent=1, allow_nan=False) + '\n'
+
+
+def fleet_json(fleet: FleetSummary, recording: str | None) -> str:
+    """Return the results of a fleet's drive as the text of a JSON file, with those of a robot."""
+    started, outcome = fleet.started, fleet.outcome
+    return json.dumps(_plain({
+        'format': FORMAT, 'fleet': started.name,
+        'fleet_file': None if started.text is None else {
+            'source': started.source, 'text': started.text},
+        'repeat': started.repeat, 'on_fault': 'go_on' if started.goes_on else 'stop_all',
+        'verdict': {'ending': _ending(outcome), 'headline': outcome.headline,
+                    'why': outcome.reason},
+        'near_passes': started.near_passes,
+        'first_velocities_apart_s': fleet.first_apart,
+        'apart': [{'round': number, 'plan_time_s': event.at, 'apart_s': event.apart,
+                   'robots': event.robots} for number, event in fleet.log.apart],
+        'recording': {'is_whole': recording is None, 'why_not': recording},
+        'robots': {robot.member.name: {
+            'start': _pose(robot.member.start), 'lateness': _quantiles(robot.lateness),
+            'longest_pause_s': robot.longest_pause, **fields(robot, recording)}
+            for robot in fleet.robots}}), indent=1, allow_nan=False) + '\n'
 
 
 def fields(summary: Summary, recording: str | None) -> Fields:
@@ -122,8 +149,12 @@ def _outcome(summary: Summary) -> Fields:
     end, outcome = summary.log.session_ended, summary.outcome
     signum = None if end is None else end.signal
     return {
-        'ending': outcome.kind.value.replace(' ', '_'), 'headline': outcome.headline,
+        'ending': _ending(outcome), 'headline': outcome.headline,
         'why': outcome.reason, 'signal': None if signum is None else signal_name(signum)}
+
+
+def _ending(outcome: Outcome) -> str:
+    return outcome.kind.value.replace(' ', '_')
 
 
 def _path(summary: Summary) -> Fields:

@@ -19,7 +19,7 @@ Tested by test/report/test_path_marks.py.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, groupby, pairwise
 import math
 from typing import Any, NamedTuple, TYPE_CHECKING
@@ -236,23 +236,40 @@ def draw_step_numbers(
     :param size: the larger one of the map's width and height [m]
     """
     places = step_places(steps, size * PLACE_SIZE)
+    some = places[::max(1, math.ceil(len(places) / MAX_LABELS))]
+    draw_labels(axes, [(place.label, (place.x, place.y), place.side) for place in some], LABEL)
+
+
+def draw_labels(
+        axes: Axes, labels: Iterable[tuple[str, Point, float]], look: Mapping[str, Any],
+        taken: Sequence[Any] = ()) -> list[Any]:
+    """
+    Write texts beside points of a map; those without free space are left out.
+
+    :param axes: the axes of the map; the area that they show must be set before
+    :param labels: each with its text, its point [m], and the direction from the point to the text
+        [rad], which is turned if there is no space; the first ones get the space first
+    :param taken: the boxes of earlier labels, as returned
+    :returns: the boxes of all labels
+    """
     canvas: Any = axes.figure.canvas  # a raster canvas, which can measure text
     pixels, renderer = axes.figure.dpi / 72.0, canvas.get_renderer()
-    taken: list[Any] = []
-    for place in places[::max(1, math.ceil(len(places) / MAX_LABELS))]:
-        label = axes.annotate(place.label, (place.x, place.y), (0.0, 0.0), **LABEL)
+    boxes = list(taken)
+    for words, point, side in labels:
+        label = axes.annotate(words, point, (0.0, 0.0), **look)
         text = label.get_window_extent(renderer)
         for turned in (0.0, math.pi, -math.pi / 2.0, math.pi / 2.0):
-            right, up = math.cos(place.side + turned), math.sin(place.side + turned)
+            right, up = math.cos(side + turned), math.sin(side + turned)
             reach = AWAY + (abs(right) * text.width + abs(up) * text.height) / 2.0 / pixels
             label.set_position((reach * right, reach * up))
             box = label.get_window_extent(renderer).padded(APART * pixels)
             is_inside = axes.bbox.contains(*box.min) and axes.bbox.contains(*box.max)
-            if is_inside and not any(map(box.overlaps, taken)):
-                taken.append(box)
+            if is_inside and not any(map(box.overlaps, boxes)):
+                boxes.append(box)
                 break
         else:
             label.remove()
+    return boxes
 
 
 def draw_directions(axes: Axes, segments: Iterable[PathPart], grain: float, colour: str) -> None:
@@ -363,6 +380,29 @@ def _sent_poses(aligned: AlignedDrive) -> Iterator[Pose]:
         for part in range(1, count):
             yield reckoning.at(begin + (end - begin) * part / count)
     yield from reckoning.poses[-1:]
+
+
+def draw_fleet_robots(
+        axes: Axes, robots: Sequence[tuple[Footprint | None, Pose, Pose]], reach: float) -> None:
+    """
+    Draw robots at their starts and ends: outlines, and lines from their axles to their fronts.
+
+    :param robots: the outline of each, None if it is unknown, and its poses at start and end
+    :param reach: the length of the line of a robot without an outline [m]
+    """
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    for look, gid in ((AT_START, 'start'), (AT_END, 'end')):
+        bodies = [(footprint, start if look is AT_START else end)
+                  for footprint, start, end in robots]
+        axes.add_collection(PolyCollection(
+            [outlines(footprint, [pose]) for footprint, pose in bodies if footprint is not None],
+            **look, label=f'at the {gid}', gid=gid))
+        axes.add_collection(LineCollection(
+            [[(pose.x, pose.y),
+              transform_point((footprint.front if footprint else reach, 0.0), pose)]
+             for footprint, pose in bodies],
+            colors=look['edgecolor'], linewidths=1.4, zorder=2.5, gid=f'{gid} heading'))
 
 
 def _draw_robots(axes: Axes, footprint: Footprint | None, end: Pose, reach: float) -> None:

@@ -20,7 +20,7 @@ pipe.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 import contextlib
 import gc
 import os
@@ -35,8 +35,16 @@ import time
 from typing import BinaryIO, cast
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
+from kachaka_simple_control.analysis.fleet_summary import FleetLog, FleetSummary
 from kachaka_simple_control.analysis.summary import Summary
-from kachaka_simple_control.control.events import Event, SessionEnded, VelocityKind, VelocitySent
+from kachaka_simple_control.control.events import (
+    Event,
+    FleetStarted,
+    RobotEvent,
+    SessionEnded,
+    VelocityKind,
+    VelocitySent,
+)
 from kachaka_simple_control.control.guardian_memory import GuardianMemory
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import ZERO
@@ -44,8 +52,10 @@ from kachaka_simple_control.process.output import make_nonblocking, STDERR
 from kachaka_simple_control.process.processes import lower_priority
 from kachaka_simple_control.process.waiting import wait_until
 from kachaka_simple_control.report.drive_plots import draw_drive_plots, DrivePlots
+from kachaka_simple_control.report.fleet_drive_plot import draw_fleet_plots
+from kachaka_simple_control.report.fleet_page import render_fleet_page
 from kachaka_simple_control.report.html_page import render_page
-from kachaka_simple_control.report.json_export import run_json
+from kachaka_simple_control.report.json_export import fleet_json, run_json
 from kachaka_simple_control.report.mcap_recorder import McapRecorder
 from kachaka_simple_control.report.output_file import NEEDS_JINJA2, NEEDS_MCAP, write_atomically
 from kachaka_simple_control.telemetry.subscriber_process import decode
@@ -61,7 +71,7 @@ MAX_EVENT_DELAY = 0.1
 GUARDIAN_STOP_TIMEOUT = 1.0
 
 
-def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
+def write_report(log: DriveLog | FleetLog, directory: Path, recording: str | None) -> None:
     """
     Write the files ``report.html``, ``path.png`` and ``run.json`` of a report.
 
@@ -79,28 +89,39 @@ def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
     was_enabled = gc.isenabled()
     gc.disable()
     try:
-        summary = Summary(log)
-        write_atomically(directory / FIGURES, run_json(summary, recording).encode())
-        plots, reason = _plots(summary)
+        figures, draw, render = _contents(log, recording)
+        write_atomically(directory / FIGURES, figures.encode())
+        plots, reason = _plots(draw)
         if plots.png:
             write_atomically(directory / PLOT, plots.png)
         else:
             (directory / PLOT).unlink(missing_ok=True)
-        page = render_page(summary, plots.svg, reason, recording)
-        write_atomically(directory / PAGE, page.encode(errors='replace'))
+        write_atomically(directory / PAGE, render(plots.svg, reason).encode(errors='replace'))
     finally:
         if was_enabled:
             gc.enable()
 
 
-def _plots(summary: Summary) -> tuple[DrivePlots, str | None]:
+def _contents(log: DriveLog | FleetLog, recording: str | None) -> tuple[
+        str, Callable[[], DrivePlots], Callable[[Mapping[str, str], str | None], str]]:
+    """Return the figures as JSON, and functions that return the plots and the page with them."""
+    if isinstance(log, FleetLog):
+        fleet = FleetSummary(log)
+        return (fleet_json(fleet, recording), lambda: draw_fleet_plots(fleet.robots),
+                lambda plots, reason: render_fleet_page(fleet, plots, reason, recording))
+    summary = Summary(log)
+    return (run_json(summary, recording), lambda: draw_drive_plots(summary),
+            lambda plots, reason: render_page(summary, plots, reason, recording))
+
+
+def _plots(draw: Callable[[], DrivePlots]) -> tuple[DrivePlots, str | None]:
     """
     Draw the plots of a drive, and catch all errors.
 
     :returns: the plots and None; after an error, no plots and a sentence with the reason
     """
     try:
-        return draw_drive_plots(summary), None
+        return draw(), None
     except UsageError as error:
         reason = f'There are no plots: {error}.'
     except Exception as error:  # the report is useful without plots
@@ -108,7 +129,7 @@ def _plots(summary: Summary) -> tuple[DrivePlots, str | None]:
     return DrivePlots({}, b''), reason
 
 
-def read_events(stream: BinaryIO) -> Iterator[Event | None]:
+def read_events(stream: BinaryIO) -> Iterator[Event | RobotEvent | None]:
     """
     Yield the events that the driving program writes to a pipe, until the pipe is closed.
 
@@ -118,7 +139,7 @@ def read_events(stream: BinaryIO) -> Iterator[Event | None]:
 
     :param stream: the reading end of the pipe
     """
-    queue: SimpleQueue[Event | None] = SimpleQueue()
+    queue: SimpleQueue[Event | RobotEvent | None] = SimpleQueue()
 
     def read() -> None:
         try:
@@ -146,12 +167,12 @@ class EventHandlers:
     A handler that raises an error receives no more events.  The other handlers still receive them.
     """
 
-    def __init__(self, *handlers: Callable[[Event], None]) -> None:
+    def __init__(self, *handlers: Callable[[Event | RobotEvent], None]) -> None:
         self._handlers = [*handlers]
         #: the errors of the handlers that failed
         self.failures: list[Exception] = []
 
-    def on_event(self, event: Event) -> None:
+    def on_event(self, event: Event | RobotEvent) -> None:
         """Call each handler with an event, and remove a handler that raises an error."""
         for handler in [*self._handlers]:
             try:
@@ -177,7 +198,8 @@ def record_events(stream: BinaryIO, handlers: EventHandlers, recorder: McapRecor
             due = now + FLUSH_PERIOD
 
 
-def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> str | None:
+def try_write_report(
+        log: DriveLog | FleetLog, directory: Path, recording: str | None) -> str | None:
     """
     Write the report of a drive; after an error, return the reason instead of raising the error.
 
@@ -186,7 +208,7 @@ def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> s
     :returns: the reason why the report, or only its HTML page, is missing; None if the report with
         its page was written
     """
-    if log.session_started is None:
+    if isinstance(log, DriveLog) and log.session_started is None:
         return 'there is none: the program ended before anything began'
     try:
         write_report(log, directory, recording)
@@ -198,19 +220,21 @@ def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> s
     return None
 
 
-def guardian_stop(file: int, slot: int) -> VelocitySent | None:
+def guardian_stops(file: int, slots: Sequence[int]) -> list[VelocitySent | None]:
     """
-    Wait until the guardian has stopped the robot, and return the first zero velocity that it sent.
+    Wait until the guardian has stopped the robots; return the first zero velocity of each.
 
     When it does so, it stores the time in memory that it shares with the driving program.
 
-    :returns: the zero velocity and its time; None if the guardian did not stop the robot within
-        GUARDIAN_STOP_TIMEOUT
+    :param slots: those of the robots in this memory
+    :returns: None for a robot that it did not stop within GUARDIAN_STOP_TIMEOUT
     """
-    latch = GuardianMemory(file).slot(slot).latch
-    wait_until(lambda: latch.is_set, GUARDIAN_STOP_TIMEOUT)
-    time_ = latch.guardian_stop_time
-    return None if time_ is None else VelocitySent(time_, ZERO, VelocityKind.GUARDIAN)
+    memory = GuardianMemory(file)
+    latches = [memory.slot(slot).latch for slot in slots]
+    wait_until(lambda: all(latch.is_set for latch in latches), GUARDIAN_STOP_TIMEOUT)
+    times = [latch.guardian_stop_time for latch in latches]
+    return [None if time_ is None else VelocitySent(time_, ZERO, VelocityKind.GUARDIAN)
+            for time_ in times]
 
 
 def print_line(text: str) -> None:
@@ -223,9 +247,9 @@ def main() -> int:
     """
     Record the events from standard input until its end, and then write the report of the drive.
 
-    The first command line argument is the directory of the report.  Two more arguments are
-    optional: the file descriptor of the memory that is shared with the guardian, and the index of
-    the robot in this memory.
+    The first command line argument is the directory of the report.  More arguments are optional:
+    the file descriptor of the memory that is shared with the guardian, and the index in this
+    memory of each robot, in the order of the fleet.
 
     :returns: the exit code: 0 if all files were written, otherwise 1; it is also 0 if a file is
         missing only because an optional library is not installed
@@ -243,22 +267,33 @@ def main() -> int:
     # The events for the report are stored in a file, because they would fill the memory.
     with tempfile.TemporaryFile() as events:
         ended = threading.Event()
+        #: the names of the robots of a fleet
+        robots: list[str] = []
+
+        def look(event: Event | RobotEvent) -> None:
+            if isinstance(event, SessionEnded):
+                ended.set()
+            elif isinstance(event, FleetStarted):
+                robots.extend(member.name for member in event.robots)
+
         handlers = EventHandlers(
             recorder.on_event, lambda event: pickle.dump(event, events, pickle.HIGHEST_PROTOCOL),
-            lambda event: ended.set() if isinstance(event, SessionEnded) else None)
+            look)
         record_events(sys.stdin.buffer, handlers, recorder)
         if sys.argv[2:] and not ended.is_set():
-            stop = guardian_stop(*map(int, sys.argv[2:]))
-            if stop is not None:
-                handlers.on_event(stop)
+            file, *slots = map(int, sys.argv[2:])
+            for robot, stop in zip(robots or [''], guardian_stops(file, slots)):
+                if stop is not None:
+                    handlers.on_event(RobotEvent(robot, stop) if robot else stop)
         recording = recorder.finish()
         for text in filter(None, (recording, *map(repr, handlers.failures))):
             print_line(text)
         events.seek(0)
-        log = DriveLog()
+        log = FleetLog()
         for event in decode(cast('BinaryIO', events)):
             log.on_event(event)
-        failure = try_write_report(log, directory, recording)
+        failure = try_write_report(
+            log.robots.get('', DriveLog()) if log.started is None else log, directory, recording)
     print_line(failure or str(Path(name) / PAGE))
     texts = [text for text in (recording, failure)
              if text is not None and not text.endswith((NEEDS_JINJA2, NEEDS_MCAP))]

@@ -19,7 +19,10 @@ import math
 import re
 
 import chromium
+import fleet_drive
+from kachaka_simple_control.analysis.fleet_summary import FleetLog, FleetSummary
 from kachaka_simple_control.analysis.summary import Summary
+from kachaka_simple_control.control.events import RobotsApart
 from kachaka_simple_control.report.report_program import write_report
 from outcome_logs import done, faulted, killed, lesson, never_began, stopped
 import pytest
@@ -28,7 +31,10 @@ DRIVES = {
     'done': done, 'lesson': lesson, 'faulted': faulted, 'killed': killed,
     'never_began': never_began,
     **{name: lambda signum=signum, name=name: stopped(signum, name)
-       for signum, name in ((1, 'SIGHUP'), (2, 'SIGINT'), (15, 'SIGTERM'))}}
+       for signum, name in ((1, 'SIGHUP'), (2, 'SIGINT'), (15, 'SIGTERM'))},
+    'fleet': lambda: fleet_drive.log_of(
+        fleet_drive.driven(fault_at=4.0, goes_on=True), RobotsApart(5007.0, 5.25, 0.0123, 3),
+        near_passes=('r1 and r2: 4 cm at 3.2 s, both in step 2',), text='robots: {}')}
 #: From a telephone to a wide screen [px].
 WIDTHS = (400, 900, 1400)
 
@@ -126,7 +132,8 @@ def test_the_page_requests_nothing_but_itself(browser, reports):
 @pytest.mark.parametrize('name', DRIVES)
 def test_the_outcome_comes_first(browser, reports, name):
     show(browser, reports / name / 'report.html', 400)
-    summary = Summary(DRIVES[name]())
+    log = DRIVES[name]()
+    summary = FleetSummary(log) if isinstance(log, FleetLog) else Summary(log)
     (headline,) = browser.find_elements('css selector', 'h1')
     assert headline.text == summary.outcome.headline
     assert headline.rect['y'] + headline.rect['height'] < 200

@@ -13,23 +13,28 @@
 # limitations under the License.
 """The reporter receives all events, delays no program, and keeps what it received."""
 
+import json
 import os
 from pathlib import Path
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 
+from fleet_drive import driven, events_of
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control.events import (
     MotionEnded,
     MotionPlanned,
     MotionStarted,
     OdometryReceived,
+    RobotEvent,
     SessionEnded,
     SessionStarted,
     VelocitySent,
 )
+from kachaka_simple_control.control.guardian_memory import GuardianMemory
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
@@ -259,3 +264,54 @@ def test_a_folder_that_holds_something_is_refused(tmp_path):
     assert refused_because(tmp_path) == (
         f'--report {tmp_path} is not empty, it holds run.mcap: name a folder that is new or empty')
     assert list(tmp_path.iterdir()) == [tmp_path / 'run.mcap']
+
+
+@pytest.mark.needs('jinja2', 'matplotlib')
+def test_a_fleet_has_one_page_and_one_recording(tmp_path, capfd):
+    drives = driven()
+    process, events = reporter_of(tmp_path), events_of(drives)
+    for start in range(0, len(events), 40):
+        process.send_all(events[start:start + 40])
+    assert process.close(EXIT_TIMEOUT) == 0
+    assert process.failure is None
+    assert capfd.readouterr().err == f'report: {tmp_path}/report.html\n'
+    page = (tmp_path / 'report.html').read_text()
+    assert '<title>Done: trio, 3 robots</title>' in page
+    assert {'path.png', 'run.json'} <= {file.name for file in tmp_path.iterdir()}
+    for read in READERS:
+        found = read(tmp_path / 'run.mcap')
+        # All robots of this drive have the same topic.
+        sent = [event for drive in drives.values() for event in drive.drive_log.sent]
+        opened = drives['r1'].drive_log.session_started
+        assert sorted(velocities(found, opened)) == sent_velocities(sent, opened)
+
+
+@pytest.mark.needs('jinja2')
+def test_a_killed_fleet_leaves_a_page_and_when_its_guardian_stopped_each_robot(tmp_path):
+    with tempfile.TemporaryFile() as file:
+        file.truncate(GuardianMemory.SIZE)
+        memory = GuardianMemory(file.fileno())
+        process = SubscriberProcess(
+            [*processes.python_command(REPORT_MODULE), str(tmp_path), str(file.fileno()),
+             '4', '2', '7'], pass_fds=(file.fileno(),))
+        drives = driven()
+        cut = max(drive.now for drive in drives.values()) - 3.0
+        events = [event for event in events_of(drives, ended=None)
+                  if not isinstance(event, RobotEvent)
+                  or getattr(event.event, 'time', None) is None or event.event.time < cut]
+        process.send_all(events)
+        for slot in (4, 2):
+            memory.slot(slot).latch.trip(cut + 0.1 * slot)
+        assert process.close(EXIT_TIMEOUT) == 0
+    assert '<title>Killed: trio, 3 robots</title>' in (tmp_path / 'report.html').read_text()
+    robots = json.loads((tmp_path / 'run.json').read_text())['robots']
+    opened = drives['r1'].drive_log.session_started
+    for read in READERS:
+        stamps = {stamp for stamp, *_ in velocities(read(tmp_path / 'run.mcap'), opened)}
+        assert {stamp_of(opened, cut + 0.4), stamp_of(opened, cut + 0.2)} <= stamps
+    # Nobody stopped the third one.
+    began = drives['r1'].drive_log.motions[0].began
+    driven_for = [robot['duration']['driven_s'] for robot in robots.values()]
+    assert driven_for[0] == pytest.approx(cut + 0.4 - began, abs=0.01)
+    assert driven_for[1] == pytest.approx(cut + 0.2 - began, abs=0.01)
+    assert driven_for[2] < cut - began
