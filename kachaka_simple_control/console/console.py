@@ -12,24 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The console without its network: it passes messages between open pages and drive process.
+The console of one robot without its network: it passes messages between pages and drive process.
 
-Everything here happens in the thread of the event loop, and nothing here waits: what takes time
-(files, plans, the end of a recording) is a task of its own.  So a stop is handled as soon as it
-has arrived.
+What takes time (files, plans, the end of a recording) is a task of its own.
 """
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 import time
 
-from kachaka_simple_control.console.drive_process import DriveProcess
+from kachaka_simple_control.console.base_console import (
+    BaseConsole,
+    DriveFactory,
+    ONLY_LOOK,
+    Outcome,
+)
 from kachaka_simple_control.console.folder import Folder, FolderError
 from kachaka_simple_control.console.lease import HandLease, IDLE_TIME
-from kachaka_simple_control.console.open_pages import OpenPage, OpenPages, Page
+from kachaka_simple_control.console.open_pages import OpenPage, Page
 from kachaka_simple_control.console.page_protocol import (
     AskPreview,
     Driven,
@@ -37,7 +39,6 @@ from kachaka_simple_control.console.page_protocol import (
     Lease,
     ListMotions,
     OpenFile,
-    PageAnswer,
     PageState,
     read_page_message,
     Record,
@@ -49,9 +50,8 @@ from kachaka_simple_control.console.page_work import PageWork
 from kachaka_simple_control.console.preview import PreviewWorker
 from kachaka_simple_control.console.recording import Recorder
 from kachaka_simple_control.console.reports import Reports
-from kachaka_simple_control.files.messages import Message, MessageError
+from kachaka_simple_control.files.messages import Message
 from kachaka_simple_control.files.protocol import (
-    Answer,
     Hand,
     Log,
     MotionText,
@@ -66,41 +66,28 @@ from kachaka_simple_control.files.protocol import (
     Speed,
     Stamp,
     State,
-    Stop,
     Take,
 )
 from kachaka_simple_control.process.version import installed_version
 
-#: How often the drive process hears that a page is open [s].
-ALIVE_PERIOD = 0.25
-#: A longer message than any stop; above the rate limit it is dropped unread.
-MAX_STOP = 200
 #: A page asks for these by itself, also that of a viewer.
 UNASKED = (AskPreview, OpenFile, ListMotions)
 NEEDS_LEASE = (Take, Release, RunMotion, Resume, Speed, Record)
 NO_LEASE = 'this page does not drive: ask for the lease first'
 BESIDE = (
     'the drive was begun in a terminal; here it can be stopped, paused, resumed and slowed down')
-ONLY_LOOK = 'this link is for viewers: it can stop and pause, but not drive'
-Outcome = tuple[bool, str]
-DriveFactory = Callable[[Callable[[Report], None], Callable[[], None]], DriveProcess]
 
 
-class Console:
-    """
-    Open pages on the one side, the drive process on the other.
+class Console(BaseConsole):
+    """Open pages on the one side, the drive process of a robot on the other."""
 
-    :param make_drive: makes the drive process from two functions: one that is called with each
-        report, and one that is called when the state of the process has changed
-    """
+    _read = staticmethod(read_page_message)
 
     def __init__(
             self, make_drive: DriveFactory, folder: Folder, previews: PreviewWorker,
             reports: Reports, clock: Callable[[], float] = time.monotonic) -> None:
-        self.drive = make_drive(self._take_report, self._process_changed)
+        super().__init__(make_drive, reports, clock)
         self.lease: HandLease[Page] = HandLease()
-        self.pages, self.reports = OpenPages(), reports
-        self._clock = clock
         self._work = PageWork(folder, previews, self.pages)
         self._recorder = Recorder(self.pages, self._work.spawn, self._show)
         self._robot: Robot | None = None
@@ -110,24 +97,11 @@ class Console:
         #: the last velocity of the page that has the lease
         self._last_hand: Hand | None = None
         self._is_releasing = False
-        self._ticker: asyncio.Task[None] | None = None
-
-    def start(self) -> None:
-        """Start the drive process and the clock that tells it that pages are open."""
-        self.drive.start()
-        self._ticker = asyncio.get_running_loop().create_task(self._tick_forever())
 
     async def close(self) -> None:
         """End the drive process and all other work."""
-        if self._ticker is not None:
-            self._ticker.cancel()
-        await self.drive.close()
+        await super().close()
         await self._work.close()
-
-    def open_page(self, page: Page) -> None:
-        """Take a new page."""
-        self.pages.add(page, self._clock())
-        self._show()
 
     def close_page(self, page: Page) -> None:
         """Forget a page; if it has driven, a zero is sent at once."""
@@ -135,29 +109,13 @@ class Console:
             self._lose_lease(page)
             self._show()
 
-    def receive(self, page: Page, text: str | bytes) -> None:
-        """Handle a message of a page.  A stop is always handled; others only within their rate."""
-        entry = self.pages.find(page)
-        if entry is None:
-            return
-        now = self._clock()
-        if len(text) > MAX_STOP and not entry.other_rate.has_left(now):
-            return
-        try:
-            message = read_page_message(text)
-        except MessageError as error:
-            if entry.other_rate.allows(now):
-                page.send(Log('error', f'a message of this page is invalid: {error}'))
-            return
-        if isinstance(message, Stop):
-            self._answer_later(page, message, self.drive.stop(now))
-        elif isinstance(message, Hand):
-            if entry.hand_rate.allows(now):
-                self._take_hand(page, entry, message, now)
-        elif entry.other_rate.allows(now):
-            self._handle(page, entry, message, now)
-
     # From the pages
+
+    def _take(self, page: Page, entry: OpenPage, message: Message, now: float) -> None:
+        if not isinstance(message, Hand):
+            super()._take(page, entry, message, now)
+        elif entry.hand_rate.allows(now):
+            self._take_hand(page, entry, message, now)
 
     def _take_hand(self, page: Page, entry: OpenPage, hand: Hand, now: float) -> None:
         """
@@ -172,7 +130,7 @@ class Console:
         self._last_hand = hand
         self.drive.hand(hand)
 
-    def _handle(self, page: Page, entry: OpenPage, message: Message, now: float) -> None:
+    def _handle(self, page: Page, entry: OpenPage, message: Message) -> None:
         if isinstance(message, Hello):
             self._welcome(page, entry)
             return
@@ -181,6 +139,7 @@ class Console:
         if reason:
             self._answer(page, message, (False, reason))
             return
+        now = self._clock()
         if not isinstance(message, UNASKED):
             self.lease.note_input(page, now)
         match message:
@@ -212,18 +171,6 @@ class Console:
             self._show()
         self._work.spawn(welcome())
 
-    def _answer_later(
-            self, page: Page, message: Request, future: asyncio.Future[Answer]) -> None:
-        def send(done: asyncio.Future[Answer]) -> None:
-            if page in self.pages and not done.cancelled():
-                answer = done.result()
-                page.send(PageAnswer(
-                    message.id, answer.is_done, answer.text, answer.is_confirmed))
-        future.add_done_callback(send)
-
-    def _answer(self, page: Page, message: Request, outcome: Outcome) -> None:
-        page.send(PageAnswer(message.id, *outcome))
-
     def _change_lease(self, page: Page, want: bool, now: float) -> Outcome:
         if not want:
             has_changed = self._lose_lease(page, has_finished=True)
@@ -245,12 +192,6 @@ class Console:
                 self._last_hand = None
             self._recorder.finish(page)
         return had_it
-
-    def _start_again(self) -> Outcome:
-        if self.drive.state != 'ended':
-            return False, 'the drive process runs'
-        self.drive.start()
-        return True, 'started'
 
     async def _run(self, page: Page, message: RunMotion) -> None:
         text, name = message.text, message.name or 'motion.yaml'
@@ -311,22 +252,17 @@ class Console:
         self._show()
 
     def _show(self) -> None:
-        """Send each page what has changed since its last state."""
-        self.pages.show(PageState(
-            **asdict(self._state), process=self.drive.state, watchers=len(self.pages),
-            is_recording=self._recorder.is_on, report=self.reports.newest),
-            self.lease.holder)
-
-    async def _tick_forever(self) -> None:
-        while True:
-            await asyncio.sleep(ALIVE_PERIOD)
-            self.tick()
+        holder = self.lease.holder
+        self.pages.show(
+            vars(PageState(
+                **vars(self._state), process=self.drive.state, watchers=len(self.pages),
+                is_recording=self._recorder.is_on, report=self.reports.newest)),
+            lambda page: {'driver': 'nobody' if holder is None else
+                          'you' if holder is page else 'another'})
 
     def tick(self) -> None:
-        """Do what is due from time to time; the console calls this every ``ALIVE_PERIOD``."""
+        """Tell the drive process that a page is open; end a lease, and release the robot."""
         now = self._clock()
-        if self.pages:
-            self.drive.keep_alive()
         holder, state = self.lease.holder, self._state.state
         if holder is not None and self.lease.is_idle(now, state):
             self._lose_lease(holder, has_finished=True)
@@ -335,7 +271,7 @@ class Console:
         if is_ours and not self._is_releasing and self.lease.is_robot_free(now, state):
             self._is_releasing = True
             self.drive.released()
-        self._show()
+        super().tick()
 
 
 def _refusal(page: Page, message: Request, holder: Page | None, robot: Robot | None) -> str:

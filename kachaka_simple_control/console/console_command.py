@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The command ``kachaka_console``: watch, drive and stop a robot with a page in a browser."""
+"""The command ``kachaka_console``: watch, drive and stop robots with a page in a browser."""
 
 from __future__ import annotations
 
@@ -27,8 +27,14 @@ import threading
 from typing import TYPE_CHECKING
 import webbrowser
 
-from kachaka_simple_control.console.console import Console, DriveFactory
-from kachaka_simple_control.console.drive_process import drive_command, DriveProcess
+from kachaka_simple_control.console.base_console import BaseConsole, DriveFactory
+from kachaka_simple_control.console.console import Console
+from kachaka_simple_control.console.drive_process import (
+    drive_command,
+    DriveProcess,
+    fleet_command,
+)
+from kachaka_simple_control.console.fleet_console import FleetConsole
 from kachaka_simple_control.console.folder import Folder, FolderError
 from kachaka_simple_control.console.preview import PreviewWorker
 from kachaka_simple_control.console.reports import Reports
@@ -36,6 +42,7 @@ from kachaka_simple_control.console.running_drive import RunningDrive
 from kachaka_simple_control.console.security import bracketed, is_loopback, Tokens
 from kachaka_simple_control.errors import TORNADO_MISSING, UsageError
 from kachaka_simple_control.files.document import FileError
+from kachaka_simple_control.files.fleet_file import find_fleet
 from kachaka_simple_control.files.robot_profile import find_robot
 from kachaka_simple_control.kachaka.program import (
     add_simulation_options,
@@ -62,6 +69,8 @@ PORT = 8400
 ROS_ARGUMENTS = '--ros-args'
 #: How long the server goes on after a drive beside it has ended, to send the end to all pages [s].
 LAST_MESSAGES = 0.3
+#: The options that only the console of one robot has, by name.
+OF_ONE_ROBOT = ('robot', 'address', 'folder', 'beside')
 EPILOG = """
 exit codes: 0 done; 1 faulted; 2 bad usage; 128 + N ended by signal N
 """
@@ -76,7 +85,7 @@ def main(args: Sequence[str] | None = None) -> int:
     options = parse(sys.argv[1:] if args is None else args)
     try:
         reports = Reports(options.reports)
-        _require_usable(options.robot, reports)
+        _require_usable(options, reports)
         return run(options, drive_factory(options, reports), reports)
     except ExitError as error:
         print(f'{PROGRAM}: {escaped(error, 400)}', file=sys.stderr)
@@ -100,6 +109,10 @@ def parse(args: Sequence[str]) -> argparse.Namespace:
     parser = _parser()
     options = parser.parse_args(own)
     simulation = simulation_words(vars(options))
+    if options.fleet is not None:
+        _refuse_one_robot(parser, options, simulation)
+    elif options.allow_near:
+        parser.error('--allow-near is about the robots of --fleet')
     if simulation and not options.sim:
         parser.error(f'{simulation[0].partition("=")[0]} is about the simulated robot of --sim')
     simulation_parameters(parser, options)
@@ -107,9 +120,22 @@ def parse(args: Sequence[str]) -> argparse.Namespace:
     return options
 
 
+def _refuse_one_robot(
+        parser: OneLineParser, options: argparse.Namespace, simulation: Sequence[str]) -> None:
+    if simulation:
+        parser.error(
+            f'{simulation[0].partition("=")[0]} is about one robot: the file of a fleet gives the '
+            'errors of each (simulation)')
+    for name in OF_ONE_ROBOT:
+        if getattr(options, name) is not None:
+            parser.error(
+                f'--{name} is for the console of one robot: leave out --{name}, or --fleet')
+
+
 def drive_options(options: argparse.Namespace) -> list[str]:
     """Return the options for the drive process."""
     words = ['--sim'] if options.sim else []
+    words += ['--allow-near'] if options.allow_near else []
     for name in ('robot', 'address'):
         value = getattr(options, name)
         words += [f'--{name}={value}'] if value is not None else []
@@ -123,6 +149,9 @@ def needs_token(options: argparse.Namespace) -> bool:
 
 def drive_factory(options: argparse.Namespace, reports: Reports) -> DriveFactory:
     """Return a function that makes the drive process of a console."""
+    if options.fleet is not None:
+        return partial(DriveProcess, partial(
+            fleet_command, options.fleet, drive_options(options), reports.options))
     if options.beside is not None:
         return partial(RunningDrive, *options.beside)
     return partial(
@@ -146,17 +175,18 @@ def run(
     return asyncio.run(_run(options, make_drive, reports or Reports(None)))
 
 
-def _require_usable(robot: str | None, reports: Reports) -> None:
+def _require_usable(options: argparse.Namespace, reports: Reports) -> None:
     """
-    Refuse a robot and a folder of reports with which each drive process would fail.
+    Refuse a robot, a fleet and a folder of reports with which each drive process would fail.
 
-    :param robot: the name or the path of the robot's profile; None for the default
-    :raises ExitError: if there is no such robot, its profile is invalid, or no report can be
+    :raises ExitError: if there is none of this name, its file is invalid, or no report can be
         written
     """
     try:
-        if robot is not None:
-            find_robot(robot)
+        if options.robot is not None:
+            find_robot(options.robot)
+        if options.fleet is not None:
+            find_fleet(options.fleet)
         reports.require_writable()
     except FileError as error:
         # One line, also for a profile with several problems.
@@ -168,7 +198,7 @@ def _require_usable(robot: str | None, reports: Reports) -> None:
 def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog=PROGRAM, allow_abbrev=False, epilog=EPILOG,
-        description='Watch, drive and stop a robot with a page in a browser.')
+        description='Watch, drive and stop robots with a page in a browser.')
     parser.takes_ros_arguments = True
     parser.advice['--rate'] = f'write, for example, {ROS_ARGUMENTS} -p rate:=50.0'
     add = parser.add_argument
@@ -192,6 +222,11 @@ def _parser() -> OneLineParser:
           help='connect to the real Kachaka at this address, HOST or HOST:PORT')
     add('--robot', metavar='NAME',
         help='kachaka, turtlebot3, generic, or the path of a profile (default: kachaka)')
+    add('--fleet', metavar='FILE',
+        help='watch, run and stop the robots of this fleet: the path of its file, or the name of '
+             'one that comes with the package')
+    add('--allow-near', action='store_true',
+        help='with --fleet: drive also where two robots come closer than the margin')
     group = parser.add_argument_group('errors of the simulated robot, with --sim')
     add_simulation_options(group, 'the simulated robot')
     # For a drive with --console, which starts this program.
@@ -224,12 +259,8 @@ async def _run(
 
     for signum in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         loop.add_signal_handler(signum, end, signum)
-    try:
-        folder = Folder(options.folder)
-    except FolderError as error:
-        raise ExitError(BAD_USAGE, error) from None
     tokens = Tokens() if needs_token(options) else None
-    console = Console(make_drive, folder, PreviewWorker(options.robot), reports)
+    console = _console(options, make_drive, reports)
     try:
         server = _server(console, options, tokens)
     except (OSError, UnicodeError) as error:
@@ -253,7 +284,19 @@ async def _run(
     return SIGNALLED + signals[0] if signals else DONE
 
 
-def _server(console: Console, options: argparse.Namespace, tokens: Tokens | None) -> ConsoleServer:
+def _console(
+        options: argparse.Namespace, make_drive: DriveFactory, reports: Reports) -> BaseConsole:
+    if options.fleet is not None:
+        return FleetConsole(make_drive, reports)
+    try:
+        folder = Folder(options.folder)
+    except FolderError as error:
+        raise ExitError(BAD_USAGE, error) from None
+    return Console(make_drive, folder, PreviewWorker(options.robot), reports)
+
+
+def _server(
+        console: BaseConsole, options: argparse.Namespace, tokens: Tokens | None) -> ConsoleServer:
     # It imports tornado, which may be missing.
     from kachaka_simple_control.console.server import ConsoleServer
     names = tuple(options.allow_host)

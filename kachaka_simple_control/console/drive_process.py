@@ -36,6 +36,8 @@ from kachaka_simple_control.console.command_pipe import CommandPipe
 from kachaka_simple_control.files.protocol import (
     Alive,
     Answer,
+    Fleet,
+    FleetState,
     Hand,
     Log,
     MAX_SIZE,
@@ -56,6 +58,8 @@ from kachaka_simple_control.text import escaped
 
 #: The module of the drive process.
 MODULE = 'kachaka_simple_control.__main__'
+#: That of a fleet.
+FLEET_MODULE = 'kachaka_simple_control.commands.fleet'
 #: A stop that comes so soon after another, with nothing in between, shares its answer [s].
 SAME_STOP = 0.1
 #: No velocity of the hand is written while so much is unread [bytes]: about four lines.
@@ -272,10 +276,10 @@ class DriveProcess:
             if future is not None and not future.done():
                 future.set_result(report)
             return
-        if isinstance(report, State):
+        if isinstance(report, (State, FleetState)):
             self._stated_reason = report.reason if report.state == 'ended' else None
         self._on_report(report)
-        if isinstance(report, Robot):
+        if isinstance(report, (Robot, Fleet)):
             self._change('running')
 
     def _take_log(self, line: bytes) -> None:
@@ -320,3 +324,9 @@ def drive_command(options: Sequence[str], more: Callable[[], list[str]]) -> list
     """Return the command line of the drive process."""
     # The page has asked about the floor before it sends a command.
     return [*python_command(MODULE), '--pipe', '--yes', *more(), *options]
+
+
+def fleet_command(
+        fleet: str, options: Sequence[str], more: Callable[[], list[str]]) -> list[str]:
+    """Return the command line of the drive process of a fleet, by the name or path of its file."""
+    return [*python_command(FLEET_MODULE), fleet, '--pipe', *more(), *options]

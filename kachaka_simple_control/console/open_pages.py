@@ -20,11 +20,11 @@ Tested by test/console/test_server_security.py.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, Protocol
 
-from kachaka_simple_control.console.page_protocol import PageState, StateChanges
+from kachaka_simple_control.console.page_protocol import StateChanges
 from kachaka_simple_control.console.security import HAND_RATE, OTHER_RATE, RateLimit
 from kachaka_simple_control.files.messages import Message
 from kachaka_simple_control.files.protocol import Log
@@ -105,22 +105,21 @@ class OpenPages:
         self.log_lines.append(line)
         self.send(line)
 
-    def show(self, state: PageState, driver: Page | None) -> None:
+    def show(
+            self, state: Mapping[str, Any],
+            own: Callable[[Page], Mapping[str, Any]] = lambda _: {}) -> None:
         """
         Send each page what has changed since its last state.
 
-        :param state: the state, but for who drives
-        :param driver: the page that has the lease of the hand; None if no page has it
+        :param own: returns what differs from page to page
         """
-        values = asdict(state)
         for page, entry in tuple(self._pages.items()):
             # A page that is behind gets the newest state later, instead of all of them.
             if entry.shown is None or page.is_behind:
                 continue
-            own = {**values, 'driver': 'nobody' if driver is None else
-                   'you' if driver is page else 'another'}
-            changes = {key: value for key, value in own.items()
+            values = {**state, **own(page)}
+            changes = {key: value for key, value in values.items()
                        if key not in entry.shown or entry.shown[key] != value}
             if changes:
-                entry.shown = own
+                entry.shown = values
                 page.send(StateChanges(changes))

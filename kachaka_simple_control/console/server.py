@@ -22,7 +22,7 @@ from mimetypes import guess_type
 import socket
 from typing import Any
 
-from kachaka_simple_control.console.console import Console
+from kachaka_simple_control.console.base_console import BaseConsole
 from kachaka_simple_control.console.page_protocol import MAX_SENT
 from kachaka_simple_control.console.reports import Reports
 from kachaka_simple_control.console.security import (
@@ -60,8 +60,8 @@ _FORWARD = (b'<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" co
             b'<title>Console</title><a href="/">Console</a>')
 
 
-def static_files() -> dict[str, tuple[str, bytes]]:
-    """Read the files of the page."""
+def static_files(page: str) -> dict[str, tuple[str, bytes]]:
+    """Return type and contents of the files of a page by path; the page itself is also ``''``."""
     found: dict[str, tuple[str, bytes]] = {}
 
     def collect(folder: Any, prefix: str) -> None:
@@ -69,14 +69,14 @@ def static_files() -> dict[str, tuple[str, bytes]]:
             path = prefix + entry.name
             if entry.is_dir():
                 collect(entry, path + '/')
-            else:
+            elif path == page or not path.endswith('.html'):
                 suffix = path[path.rfind('.'):]
                 kind = _TYPES.get(suffix) or guess_type(path)[0] or 'application/octet-stream'
                 text = f'{kind}; charset=utf-8' if kind.startswith('text/') else kind
                 found[path] = text, entry.read_bytes()
 
     collect(files(PACKAGE).joinpath('console').joinpath('static'), '')
-    return found
+    return {**found, '': found[page]}
 
 
 class _Guarded(tornado.web.RequestHandler):
@@ -132,8 +132,8 @@ class FileHandler(_Guarded):
             self._take_token(token)
         elif self.access.role(self.request.headers.get('Cookie')) is None:
             self._refuse(403, 'open the link that the console has printed')
-        elif (path or 'index.html') in self.pages:
-            kind, contents = self.pages[path or 'index.html']
+        elif path in self.pages:
+            kind, contents = self.pages[path]
             self.set_header('Content-Type', kind)
             self.write(contents)
         else:
@@ -174,9 +174,9 @@ class ReportHandler(_Guarded):
 class PageSocket(_Guarded, tornado.websocket.WebSocketHandler):
     """The WebSocket of a page."""
 
-    console: Console
+    console: BaseConsole
 
-    def initialize(self, access: Access, console: Console) -> None:  # type: ignore[override]
+    def initialize(self, access: Access, console: BaseConsole) -> None:  # type: ignore[override]
         """Set what all handlers of this kind share."""
         super().initialize(access)
         self.console = console
@@ -285,7 +285,7 @@ class ConsoleServer:
     """
 
     def __init__(
-            self, console: Console, host: str = '127.0.0.1', port: int = 0,
+            self, console: BaseConsole, host: str = '127.0.0.1', port: int = 0,
             tokens: Tokens | None = None, names: tuple[str, ...] = ()) -> None:
         self.sockets = tornado.netutil.bind_sockets(port, host, socket.AF_UNSPEC)
         self.port: int = self.sockets[0].getsockname()[1]
@@ -294,7 +294,8 @@ class ConsoleServer:
             [(r'/ws', PageSocket, {'access': self.access, 'console': console}),
              (r'/report/(\d{1,6})', ReportHandler,
               {'access': self.access, 'reports': console.reports}),
-             (r'/(.*)', FileHandler, {'access': self.access, 'pages': static_files()})],
+             (r'/(.*)', FileHandler,
+              {'access': self.access, 'pages': static_files(console.PAGE)})],
             websocket_max_message_size=MAX_MESSAGE, websocket_ping_interval=PING_PERIOD,
             websocket_ping_timeout=PING_PERIOD, log_function=lambda _: None)
         self._server = tornado.httpserver.HTTPServer(

@@ -87,7 +87,7 @@ class ConsoleProgram:
         """Return the process ID of the drive process."""
         return wait_until(lambda: next(
             (pid for pid in self.children()
-             if b'scripted_drive' in Path(f'/proc/{pid}/cmdline').read_bytes()), 0))
+             if b'/scripted_' in Path(f'/proc/{pid}/cmdline').read_bytes()), 0))
 
     def end(self) -> int:
         """End the console as Ctrl+C does, and return its exit code."""

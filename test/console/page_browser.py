@@ -42,9 +42,11 @@ class Console:
     """A console process with a scripted drive process."""
 
     def __init__(
-            self, folder: Path, *words: str, script: Path = SCRIPT, port: int = 0) -> None:
+            self, folder: Path, *words: str, script: Path = SCRIPT, port: int = 0,
+            fleet: str | None = None) -> None:
+        what = f'--folder={folder}' if fleet is None else f'--fleet={fleet}'
         self._process = subprocess.Popen(
-            [sys.executable, str(script), f'--port={port}', f'--folder={folder}',
+            [sys.executable, str(script), f'--port={port}', what,
              *(f'--drive={word}' for word in words)],
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
             env={**os.environ, 'PYTHONUNBUFFERED': '1'})
@@ -91,9 +93,12 @@ class Page:
         self.driver.get_log('browser')
         self._events = []
         self.driver.get(self.address)
+        self._wait_until_ready()
+        return self
+
+    def _wait_until_ready(self) -> None:
         self.wait(lambda: self.text('#plan-duration') != NOTHING, 'a plan')
         self.wait(lambda: self.text('#robot-name') == 'scripted', 'the robot')
-        return self
 
     def resize(self, width: int, height: int, scheme: str = 'light') -> None:
         """Set the size [px] and the colour scheme."""

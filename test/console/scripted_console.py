@@ -24,13 +24,14 @@ from kachaka_simple_control.console.drive_process import DriveProcess
 from kachaka_simple_control.console.reports import Reports
 from kachaka_simple_control.kachaka.program import ExitError
 
-SCRIPT = Path(__file__).with_name('scripted_drive.py')
+ONE_ROBOT, FLEET = (
+    Path(__file__).with_name(name) for name in ('scripted_drive.py', 'scripted_fleet.py'))
 DRIVE_OPTION = '--drive='
 
 
-def drive_command(*words: str) -> list[str]:
+def drive_command(*words: str, script: Path = ONE_ROBOT) -> list[str]:
     """Return the command line of the scripted drive process."""
-    return [sys.executable, str(SCRIPT), *words]
+    return [sys.executable, str(script), *words]
 
 
 def main(arguments: list[str]) -> int:
@@ -41,8 +42,10 @@ def main(arguments: list[str]) -> int:
     try:
         options = parse([*own, '--no-browser'])
         reports = Reports(options.reports)
-        return run(options, partial(
-            DriveProcess, lambda: drive_command(*words, *reports.options())), reports)
+        command = partial(drive_command, *words) if options.fleet is None else partial(
+            drive_command, options.fleet, *words, script=FLEET)
+        return run(
+            options, partial(DriveProcess, lambda: command(*reports.options())), reports)
     except ExitError as error:
         print(f'{PROGRAM}: {error}', file=sys.stderr)
         return error.code

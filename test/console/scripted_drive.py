@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import argparse
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import replace
 import json
 import math
@@ -34,6 +35,7 @@ import sys
 import time
 
 from kachaka_simple_control.console.reports import PAGE
+from kachaka_simple_control.files import protocol
 from kachaka_simple_control.files.messages import MessageError
 from kachaka_simple_control.files.protocol import (
     Alive,
@@ -70,6 +72,8 @@ def boottime() -> float:
 
 class ScriptedDrive:
     """The drive process; its options are those of the command line."""
+
+    COMMANDS: Mapping[str, type[Command]] = protocol.COMMANDS
 
     def __init__(self, options: argparse.Namespace) -> None:
         self.options = options
@@ -214,14 +218,21 @@ class ScriptedDrive:
                 entry = {'time': time.monotonic(), 'line': json.loads(line)}
                 stream.write(json.dumps(entry).encode() + b'\n')
 
-    def run(self) -> int:
-        """Exchange lines until the input is closed or the robot is released; return the code."""
+    def _hello(self) -> None:
         footprint = ((HALF_LENGTH, HALF_WIDTH), (-HALF_LENGTH, HALF_WIDTH),
                      (-HALF_LENGTH, -HALF_WIDTH), (HALF_LENGTH, -HALF_WIDTH))
-        print('[INFO] [scripted]: started', file=sys.stderr, flush=True)
-        time.sleep(self.options.start_delay)
         self._write(Robot(
             'scripted', '/cmd_vel', not self.options.no_odometry, 0.3, 0.3, 1.57, footprint))
+
+    def end_state(self, reason: str) -> Report:
+        """Return the state of a process that ends."""
+        return replace(self.state, state='ended', reason=reason)
+
+    def run(self) -> int:
+        """Exchange lines until the input is closed or the robot is released; return the code."""
+        print('[INFO] [scripted]: started', file=sys.stderr, flush=True)
+        time.sleep(self.options.start_delay)
+        self._hello()
         self._write(Log('info', f'process {os.getpid()}'))
         due, rest = time.monotonic(), b''
         while self.end_code is None:
@@ -235,7 +246,7 @@ class ScriptedDrive:
                 for line in lines:
                     self._record(line)
                     try:
-                        command = read_command(line)
+                        command = read_command(line, self.COMMANDS)
                     except MessageError as error:
                         self._write(Log('error', str(error)))
                     else:
@@ -249,11 +260,10 @@ class ScriptedDrive:
         return self.end_code
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the process until its standard input is closed, or a signal ends it."""
+def parser_of_all() -> argparse.ArgumentParser:
+    """Return a parser of the options that each scripted process has."""
     parser = argparse.ArgumentParser()
     parser.add_argument('--record', help='append each line that comes in to this file')
-    parser.add_argument('--duration', type=float, default=4.0, help='of a motion [s]')
     parser.add_argument('--no-odometry', action='store_true')
     parser.add_argument('--battery', type=float, default=0.8, help='its charge')
     parser.add_argument('--stopped', help='what odometry shows after a stop: true, false, null')
@@ -262,21 +272,33 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--refuse', action='store_true', help='refuse to take the robot')
     parser.add_argument('--deaf', action='store_true', help='never read a line')
     parser.add_argument('--start-delay', type=float, default=0.0, help='before the first line [s]')
-    options, _ = parser.parse_known_args(arguments)
+    return parser
+
+
+def serve(drive: ScriptedDrive) -> int:
+    """Run a process until its standard input is closed, or a signal ends it."""
 
     def interrupted(signum: int, _: object) -> None:
         print('[ERROR] [scripted]: stopped by a signal', file=sys.stderr, flush=True)
-        os.write(1, write_line(State('ended', reason='stopped by a signal')))
+        os.write(1, write_line(drive.end_state('stopped by a signal')))
         os._exit(128 + signum)
 
     signal.signal(signal.SIGINT, interrupted)
     signal.signal(signal.SIGTERM, interrupted)
-    code = ScriptedDrive(options).run()
-    if options.report is not None:
-        folder = Path(options.report)
+    code = drive.run()
+    if drive.options.report is not None:
+        folder = Path(drive.options.report)
         folder.mkdir(parents=True)
         (folder / PAGE).write_text('<title>of the drive</title>')
     return code
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Imagine one robot."""
+    parser = parser_of_all()
+    parser.add_argument('--duration', type=float, default=4.0, help='of a motion [s]')
+    options, _ = parser.parse_known_args(arguments)
+    return serve(ScriptedDrive(options))
 
 
 if __name__ == '__main__':

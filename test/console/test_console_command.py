@@ -27,6 +27,7 @@ from kachaka_simple_control.console.console_command import (
     needs_token,
     parse,
 )
+from kachaka_simple_control.console.drive_process import fleet_command
 import pytest
 
 CONSOLE = Path(kachaka_simple_control.console.__file__).parent
@@ -41,6 +42,15 @@ def test_options_of_the_robot_go_to_the_drive_process():
     assert [] == drive_options(parse([]))
 
 
+def test_a_fleet_gets_its_own_drive_process():
+    words = ['--sim', '--allow-near', '--ros-args', '-p', 'x:=1']
+    options = parse(['--fleet', './mine.yaml', *words])
+    assert words == drive_options(options)
+    command = fleet_command(options.fleet, drive_options(options), lambda: ['--report=a/1'])
+    assert 'kachaka_simple_control.commands.fleet' in command[2]
+    assert ['./mine.yaml', '--pipe', '--report=a/1', '--sim'] == command[3:7]
+
+
 @pytest.mark.parametrize('words, reason', [
     (['--port', 'x'], 'is no port'),
     (['--port', '65536'], 'is no port'),
@@ -50,6 +60,12 @@ def test_options_of_the_robot_go_to_the_drive_process():
     (['--rate', '50'], ': --rate 50; write, for example, --ros-args -p rate:=50.0'),
     (['--rate=50'], ': --rate=50; write, for example, --ros-args -p rate:=50.0'),
     (['-p', 'rate:=50.0'], '; write ROS arguments after --ros-args'),
+    (['--fleet', 'minuet', '--robot', 'kachaka'], 'leave out --robot, or --fleet'),
+    (['--fleet', 'minuet', '--address', '192.0.2.1'], 'leave out --address, or --fleet'),
+    (['--fleet', 'minuet', '--folder', '.'], 'leave out --folder, or --fleet'),
+    (['--fleet', 'minuet', '--beside', '3,4,5'], 'leave out --beside, or --fleet'),
+    (['--fleet', 'minuet', '--sim', '--lag', '0.1'], '--lag is about one robot'),
+    (['--allow-near'], '--allow-near is about the robots of --fleet'),
 ])
 def test_a_wrong_option_is_one_line(
         words: list[str], reason: str, capsys: pytest.CaptureFixture[str]):
@@ -88,6 +104,21 @@ def test_a_robot_that_no_drive_could_use_is_one_line(
     assert 2 == main(['--no-browser', '--port', '0', '--robot', str(profile)])
     text = capsys.readouterr().err
     assert text.startswith(f'kachaka_console: {profile}:')
+    assert 1 == text.count('\n')
+
+
+@pytest.mark.needs('tornado', 'yaml', 'jsonschema')
+def test_a_fleet_that_cannot_be_driven_is_one_line_of_its_file(
+        capsys: pytest.CaptureFixture[str], tmp_path: Path):
+    assert 2 == main(['--no-browser', '--port', '0', '--fleet', 'nope'])
+    text = capsys.readouterr().err
+    assert text.startswith('kachaka_console: nope: ')
+    assert 1 == text.count('\n')
+    file = tmp_path / 'mine.yaml'
+    file.write_text('robots:\n  r1: {motion: squar}\n  r2: {motion: circl}\n')
+    assert 2 == main(['--no-browser', '--port', '0', '--fleet', str(file)])
+    text = capsys.readouterr().err
+    assert text.startswith(f'kachaka_console: {file}:2: ')
     assert 1 == text.count('\n')
 
 

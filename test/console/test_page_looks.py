@@ -127,10 +127,17 @@ def test_the_colours_of_the_style_sheet_have_enough_contrast(scheme, pairs, leas
     assert low == {}
 
 
+def test_the_page_of_a_fleet_has_no_colours_of_its_own():
+    text = (STATIC / 'fleet.css').read_text(encoding='utf-8')
+    assert re.findall(r'#[0-9a-fA-F]{3,8}\b(?! *\{)|\brgb|\bhsl', text) == []
+    assert set(re.findall(r'var\(--([\w-]+)\)', text)) <= palette('light').keys()
+
+
 def test_nothing_is_parsed_as_markup_and_nothing_is_inline():
-    page = (STATIC / 'index.html').read_text(encoding='utf-8')
-    assert re.findall(r'<style|\sstyle=|\son\w+=|<script(?![^>]*\ssrc=)', page) == []
-    assert re.findall(r'(?:src|href)="(?:\w+:)?//[^"]*"', page) == []
+    for file in sorted(STATIC.glob('*.html')):
+        page = file.read_text(encoding='utf-8')
+        assert re.findall(r'<style|\sstyle=|\son\w+=|<script(?![^>]*\ssrc=)', page) == []
+        assert re.findall(r'(?:src|href)="(?:\w+:)?//[^"]*"', page) == []
     for file in sorted(STATIC.glob('*.js')):
         text = file.read_text(encoding='utf-8')
         assert re.findall(

@@ -3,7 +3,7 @@
  * The WebSocket to the console's server.
  *
  * Messages are JSON objects with `v` and `type` (page_protocol.py). A message with an `id`
- * gets one answer. When nothing has been heard for a while, the page asks for the list of motions:
+ * gets one answer. When nothing has been heard for a while, the page sends a request of its own:
  * an answer shows that the connection works. A socket that has been silent for too long counts as
  * lost even if the browser believes that it is open.
  */
@@ -24,10 +24,14 @@ const REPLIES = ['answer', 'preview', 'file', 'motions'];
 
 /** A connection that opens itself again. Dispatches `open`, `lost` and one event per type. */
 export class Connection extends EventTarget {
-  /** @param {string} url the address of the WebSocket */
-  constructor(url) {
+  /**
+   * @param {string} url the address of the WebSocket
+   * @param {string} question a request that changes nothing, to hear whether the connection works
+   */
+  constructor(url, question = 'list') {
     super();
     this.url = url;
+    this.question = question;
     this.isOpen = false;
     this.heardAt = 0;
     this.socket = null;
@@ -153,7 +157,7 @@ export class Connection extends EventTarget {
       this.lose(this.socket);
     } else if (this.isOpen && silence > ASK_AFTER && now - this.askedAt > ASK_AFTER) {
       this.askedAt = now;
-      this.request('list');
+      this.request(this.question);
     }
   }
 }

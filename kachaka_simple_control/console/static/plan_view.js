@@ -3,39 +3,34 @@
 
 import {createSvg} from './dom.js';
 import {
-  arrowsOn, boxOf, joinBoxes, niceLength, outlineAt, relativeTo, sizeText, turnsOn,
+  arrowsOn, boxOf, joinBoxes, outlineAt, relativeTo, sizeText, turnsOn,
 } from './geometry.js';
+import {ARROW, ScaleDrawing} from './scale_drawing.js';
 
-/** The space around the drawn area, for labels [px]. */
-const MARGIN = 34;
 /** The area that is shown before there is a plan [m]. */
 const EMPTY_BOX = [-1, -0.75, 1, 0.75];
 /** Points of the driven path closer than this are not kept [m]. */
 const TRAIL_STEP = 0.005;
 const MOST_TRAIL_POINTS = 6_000;
-/** What is drawn for a robot whose outline is unknown [m]. */
-const ARROW = [[0.1, 0], [-0.07, 0.07], [-0.07, -0.07]];
 
-/** Draws into one SVG element, in its own pixels, so that text keeps its size. */
-export class PlanView {
+/** The plan of a motion, and one robot. */
+export class PlanView extends ScaleDrawing {
   /** @param {SVGElement} svg */
   constructor(svg) {
-    this.svg = svg;
+    super(svg);
     this.plan = null;
     this.footprint = null;
     this.shape = ARROW;
     this.trail = [];
     this.poses = {planned: null, driven: null};
     this.origin = null;
-    this.scene = createSvg('g');
     this.live = createSvg('g');
     this.trailLine = createSvg('polyline', {class: 'driven-line'});
     this.bodies = {
       planned: createSvg('path', {class: 'robot-planned'}),
       driven: createSvg('path', {class: 'robot-driven'})};
     this.live.append(this.trailLine, this.bodies.planned, this.bodies.driven);
-    svg.append(this.scene, this.live);
-    new ResizeObserver(() => this.draw()).observe(svg);
+    svg.append(this.live);
   }
 
   /** Return the floor area of the robot's outline: x0, y0, x1, y1 [m]; null without a plan. */
@@ -82,7 +77,7 @@ export class PlanView {
       const step = last ? Math.hypot(driven[0] - last[0], driven[1] - last[1]) : Infinity;
       if (step >= TRAIL_STEP) this.trail.push(driven);
       if (this.trail.length > MOST_TRAIL_POINTS) this.trail.shift();
-      if (!this.isInView(driven)) {
+      if (!this.isInView(this.shape, driven)) {
         this.draw();
         return;
       }
@@ -90,16 +85,8 @@ export class PlanView {
     this.drawLive();
   }
 
-  /** Return whether the whole outline at a pose lies in the picture, its edge left free. */
-  isInView(pose) {
-    const [x0, y0, x1, y1] = boxOf(outlineAt(this.shape, pose).map(corner => this.at(corner)));
-    return Math.min(x0, y0, this.width - x1, this.height - y1) >= MARGIN / 2;
-  }
-
   /** Fit the box to the plan and the driven path, and draw all. */
   draw() {
-    this.width = this.svg.clientWidth || 600;
-    this.height = this.svg.clientHeight || 400;
     let box = this.area;
     if (this.trail.length > 0) {
       const [left, low, right, high] = boxOf(this.trail);
@@ -108,58 +95,11 @@ export class PlanView {
       const trailBox = [left - edge, low - edge, right + edge, high + edge];
       box = box === null ? trailBox : joinBoxes(box, trailBox);
     }
-    const [x0, y0, x1, y1] = box ?? EMPTY_BOX;
-    this.scale = Math.min(
-      (this.width - 2 * MARGIN) / Math.max(x1 - x0, 0.2),
-      (this.height - 2 * MARGIN) / Math.max(y1 - y0, 0.2));
-    this.middle = [(x0 + x1) / 2, (y0 + y1) / 2];
-    this.svg.setAttribute('viewBox', `0 0 ${this.width} ${this.height}`);
-    this.scene.replaceChildren();
-    this.drawGrid();
-    if (this.plan === null) this.drawEmpty();
+    this.begin(box ?? EMPTY_BOX);
+    if (this.plan === null) this.drawEmpty('No plan to show');
     else this.drawPlan();
     this.drawScaleBar();
     this.drawLive();
-  }
-
-  /** Return the pixels of a point [m]: x to the right, y up. */
-  at([x, y]) {
-    return [
-      this.width / 2 + (x - this.middle[0]) * this.scale,
-      this.height / 2 - (y - this.middle[1]) * this.scale];
-  }
-
-  /** Return points as the text of a polyline or path. */
-  text(points) {
-    return points.map(point => this.at(point).map(value => value.toFixed(1)).join(',')).join(' ');
-  }
-
-  /** Add an element to the scene. */
-  add(name, attributes, text = '') {
-    this.scene.append(createSvg(name, attributes, text));
-  }
-
-  /** Draw lines at round metres, the axes stronger. */
-  drawGrid() {
-    const step = Math.max(niceLength(90 / this.scale), 0.1);
-    const [halfWidth, halfHeight] = [this.width / 2 / this.scale, this.height / 2 / this.scale];
-    const [mx, my] = this.middle;
-    for (let n = Math.ceil((mx - halfWidth) / step); n * step <= mx + halfWidth; n += 1) {
-      const x = this.at([n * step, 0])[0];
-      const kind = n === 0 ? 'axis-line' : 'grid-line';
-      this.add('line', {class: kind, x1: x, x2: x, y1: 0, y2: this.height});
-    }
-    for (let n = Math.ceil((my - halfHeight) / step); n * step <= my + halfHeight; n += 1) {
-      const y = this.at([0, n * step])[1];
-      const kind = n === 0 ? 'axis-line' : 'grid-line';
-      this.add('line', {class: kind, x1: 0, x2: this.width, y1: y, y2: y});
-    }
-  }
-
-  /** Say that there is no plan. */
-  drawEmpty() {
-    const place = {x: this.width / 2, y: 30, 'text-anchor': 'middle'};
-    this.add('text', {class: 'empty-text halo', ...place}, 'No plan to show');
   }
 
   /** Draw area, outlines, path, arrows and turns. */
@@ -212,16 +152,6 @@ export class PlanView {
       transform: `translate(${end}) rotate(${degrees(-heading)})`});
   }
 
-  /** Draw the scale bar at the lower left. */
-  drawScaleBar() {
-    const length = niceLength(Math.min(this.width / 4, 140) / this.scale);
-    const pixels = length * this.scale;
-    const y = this.height - 12;
-    this.add('path', {class: 'halo scale-bar', d: `M14,${y - 5} v5 h${pixels} v-5`});
-    this.add('path', {class: 'scale-bar', d: `M14,${y - 5} v5 h${pixels} v-5`});
-    this.add('text', {class: 'scale-text halo', x: 22 + pixels, y}, lengthText(length));
-  }
-
   /** Draw the driven path and the robot, planned and driven. */
   drawLive() {
     this.trailLine.setAttribute('points', this.text(this.trail));
@@ -242,9 +172,4 @@ export class PlanView {
 /** Return an angle in degrees, for a transform. */
 function degrees(angle) {
   return (angle * 180 / Math.PI).toFixed(1);
-}
-
-/** Return a length as a label. */
-function lengthText(length) {
-  return length < 1 ? `${Math.round(length * 100)} cm` : `${length} m`;
 }

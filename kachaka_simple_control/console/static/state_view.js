@@ -61,12 +61,7 @@ export class StateView {
    * @param {boolean} isSilent whether the drive process has not been heard when it should
    */
   showAges(linkAge, hasOdometry, isSilent) {
-    if (linkAge === null) {
-      setStatus(byId('link-age'), 'lost', 'idle');
-      byId('link-chip').dataset.tone = 'bad';
-    } else {
-      showAge('link', linkAge / 1_000);
-    }
+    showLinkAge(linkAge);
     if (linkAge === null || isSilent) {
       setText(byId('odometry-age'), 'unknown');
       byId('odometry-chip').dataset.tone = 'bad';
@@ -76,6 +71,19 @@ export class StateView {
     } else {
       showAge('odometry', this.odometryAge);
     }
+  }
+}
+
+/**
+ * Show how old the connection is.
+ * @param {number|null} age [ms]; null without one
+ */
+export function showLinkAge(age) {
+  if (age === null) {
+    setStatus(byId('link-age'), 'lost', 'idle');
+    byId('link-chip').dataset.tone = 'bad';
+  } else {
+    showAge('link', age / 1_000);
   }
 }
 

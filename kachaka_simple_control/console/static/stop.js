@@ -10,14 +10,15 @@ import {setStatus} from './dom.js';
 export class Stop {
   /**
    * @param {import('./connection.js').Connection} connection
-   * @param {import('./hand.js').Hand} hand
+   * @param {import('./hand.js').Hand|null} hand null where nobody drives by hand
    * @param {HTMLElement} result where the outcome is shown
    * @param {HTMLElement[]} buttons the STOP buttons
    * @param {import('./messages.js').Fault} fault
    * @param {import('./ask.js').FloorQuestion} question
+   * @param {string} robot what is stopped
    */
-  constructor(connection, hand, result, buttons, fault, question) {
-    Object.assign(this, {connection, hand, result, fault, question});
+  constructor(connection, hand, result, buttons, fault, question, robot = 'the robot') {
+    Object.assign(this, {connection, hand, result, fault, question, robot});
     this.shownFault = '';
     this.count = 0;
     for (const button of buttons) {
@@ -37,7 +38,7 @@ export class Stop {
     const answered = this.connection.request('stop');
     const count = ++this.count;
     setStatus(this.result, 'stopping', 'busy');
-    this.hand.end('STOP was pressed');
+    this.hand?.end('STOP was pressed');
     this.question.cancel();
     const answer = await answered;
     // The outcome of an older stop says nothing about a newer one.
@@ -49,10 +50,10 @@ export class Stop {
     if (answer.isLost) {
       const [result, what] = answer.isUnsent ?
         ['STOP not sent', 'STOP was not sent.'] :
-        ['STOP: no answer', 'STOP may not have reached the robot.'];
+        ['STOP: no answer', `STOP may not have reached ${this.robot}.`];
       setStatus(this.result, result, 'bad');
       this.showFault(
-        `${what} ${answer.text} Use the button on the robot, or stop it at the terminal.`);
+        `${what} ${answer.text} Use the button on ${this.robot}, or press Ctrl+C at the terminal.`);
     } else if (!answer.is_done) {
       const result = answer.is_confirmed === false ? 'STOP not confirmed' : 'STOP failed';
       setStatus(this.result, result, 'bad');
@@ -61,7 +62,8 @@ export class Stop {
       setStatus(this.result, 'stopped (odometry confirms)', 'good');
     } else if (answer.is_confirmed === false) {
       setStatus(this.result, 'sent, odometry does not confirm', 'bad');
-      this.showFault(`STOP was sent, but odometry does not show that the robot stands still.`);
+      this.showFault(
+        `STOP was sent, but odometry does not show that ${this.robot} stands still.`);
     } else {
       setStatus(this.result, 'sent, unconfirmed', 'warn');
     }
