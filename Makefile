@@ -6,6 +6,7 @@
 # QUICK   anything: bench, stop-matrix, console-matrix measure little, in minutes; docs stay as they are
 # MARKED  which tests: `ros`, `not ros`, `slow` ...; all by default, but for documents (make docs)
 # WORKERS how many processes share the real-time tests, which mostly wait; 0: one after the other
+# ADDRESS where the discovery server listens; by default on this machine alone
 # NO_BARS anything: bench does not fail when a threshold is missed
 
 PYTHON ?= python3
@@ -14,6 +15,7 @@ DISTRO ?=
 DOCS ?= html
 MARKED ?=
 WORKERS ?= 7
+ADDRESS ?=
 VENV := .venv$(addprefix -,$(filter-out jazzy,$(DISTRO)))
 SET_UP := @$(python) tools/set_up.py $(addprefix --distro=,$(DISTRO))
 
@@ -23,7 +25,7 @@ unexport PYTHONDONTWRITEBYTECODE
 AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 
 .DEFAULT_GOAL := help
-.PHONY: help run console test test-all test-lowest check floor bench stop-matrix console-matrix mutants \
+.PHONY: help run console fleet discovery-server fleet-bench test test-all test-lowest check floor bench stop-matrix console-matrix mutants \
     colcon docs setup browser lock clean
 
 help:  ## print this list
@@ -35,6 +37,12 @@ run: setup  ## set up (seconds, and the download the first time), then drive a s
 
 console: setup  ## set up, then serve the console of a simulated robot, for a browser on this machine
 	$(VENV)/bin/kachaka_console --sim
+
+fleet: setup  ## set up, then drive two simulated robots in step; 40 s
+	$(VENV)/bin/kachaka_fleet minuet --sim
+
+discovery-server: setup  ## run what programs find each other by where multicast fails; ADDRESS=192.168.1.10
+	@tools/discovery_server.sh $(VENV) $(ADDRESS)
 
 # Pure tests first, on all cores; then those in real time, by more workers: they mostly wait.
 test: setup  ## set up, then run the tests; 6 minutes
@@ -64,6 +72,9 @@ floor: setup  ## drive a square on one simulated floor: as it is, calibrated, in
 
 bench: setup  ## measure beside the lesson's loop: half an hour; QUICK=1: minutes
 	$(VENV)/bin/python -m benchmarks $(if $(QUICK),--quick) $(if $(NO_BARS),--no-bars)
+
+fleet-bench: setup  ## measure fleets of 1 to 200 robots; 15 minutes; QUICK=1: 2
+	$(VENV)/bin/python -m benchmarks.fleet $(if $(QUICK),--quick) $(if $(NO_BARS),--no-bars)
 
 stop-matrix: setup  ## let everything happen to a program that drives: 80 minutes; QUICK=1: minutes
 	$(VENV)/bin/python -m benchmarks.stop_matrix $(if $(QUICK),--quick)

@@ -209,9 +209,11 @@ class ThresholdResult:
         return self.value is not None and self.limit is not None and self.value <= self.limit
 
 
-def judge(found: Sequence[Figure]) -> list[ThresholdResult]:
-    """Compare the figures of a run with the thresholds; return a result for each."""
-    return [_judge_one(found, threshold) for threshold in THRESHOLDS]
+def judge(
+        found: Sequence[Figure],
+        thresholds: Sequence[Threshold] = THRESHOLDS) -> list[ThresholdResult]:
+    """Compare the figures of a run with thresholds; return a result for each."""
+    return [_judge_one(found, threshold) for threshold in thresholds]
 
 
 def _judge_one(found: Sequence[Figure], threshold: Threshold) -> ThresholdResult:

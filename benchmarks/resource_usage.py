@@ -18,10 +18,10 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
-from pathlib import Path
 import time
 from typing import Any
 
+from benchmarks.process_usage import peak_memory, process_time
 from program import children_of
 from rclpy.publisher import Publisher
 
@@ -74,25 +74,6 @@ class ResourceMeter:
             self._sent += 1
             self._publish(publisher, message)
         return publish
-
-
-def process_time(pid: int) -> float:
-    """Return the CPU time of another process [s]; 0 if it has ended."""
-    try:
-        # The id of a process's CPU clock on Linux; see clock_getcpuclockid(3).
-        return time.clock_gettime((~pid << 3) | 2)
-    except OSError:
-        return 0.0
-
-
-def peak_memory(pid: int) -> float:
-    """Return the peak resident set of a process [MB]; 0 if it has ended."""
-    try:
-        status = Path(f'/proc/{pid}/status').read_text()
-    except OSError:
-        return 0.0
-    lines = [line for line in status.splitlines() if line.startswith('VmHWM')]
-    return int(lines[0].split()[1]) / 1000 if lines else 0.0
 
 
 class _Timespec(ctypes.Structure):

@@ -78,7 +78,8 @@ def tables(run: dict[str, Any]) -> list[Table]:
     """Return the tables of a run."""
     found = figures(run)
     return [
-        _thresholds(judge(found)), *_timing(found, run['timing']), _memory(found, run['timing']),
+        threshold_table(judge(found)), *_timing(found, run['timing']),
+        _memory(found, run['timing']),
         _firsts(found), _starts(found), _in_step(found, run.get('in_step', [])), _signals(run),
         _planning(run.get('planning', [])), _flows(run.get('flows', [])),
         _exactness(run.get('exactness', []))]
@@ -96,7 +97,8 @@ def number(value: float | None, digits: int = 3) -> str:
     return f'{value:.{min(decimals, digits)}f}'
 
 
-def _thresholds(results: list[ThresholdResult]) -> Table:
+def threshold_table(results: list[ThresholdResult]) -> Table:
+    """Return the table that compares figures with their thresholds."""
     head = ('figure', 'threshold', 'measured', '')
     return Table('What we promise of our own figures', head, tuple(
         (result.threshold.what, _limit(result), _with_unit(result.value, result.unit),

@@ -55,6 +55,19 @@ table ip loss {{
     }}
 }}
 """
+#: Drops all multicast; the server of discovery is found by its address.
+NO_MULTICAST = """
+table ip no_multicast {
+    chain leaving {
+        type filter hook output priority 0; policy accept;
+        ip daddr 224.0.0.0/4 drop
+    }
+    chain arriving {
+        type filter hook input priority 0; policy accept;
+        ip daddr 224.0.0.0/4 drop
+    }
+}
+"""
 
 
 class NetworkError(RuntimeError):
@@ -111,6 +124,11 @@ class Network:
             loss_rule = f'numgen random mod 100 < {percent} drop' if percent else ''
             self._nft(end, 'flush ruleset')
             self._nft(end, RULES.format(peer=ADDRESSES[peer], loss_rule=loss_rule))
+
+    def block_multicast(self) -> None:
+        """Let no multicast leave either end, nor arrive there."""
+        for end in ADDRESSES:
+            self._nft(end, NO_MULTICAST)
 
     def arrived(self) -> int:
         """Return the number of packets that arrived at either end since ``set_loss``."""

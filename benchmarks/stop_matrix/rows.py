@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from benchmarks.stop_matrix import faults, others, pauses, scripts
+from benchmarks.stop_matrix import faults, fleets, others, pauses, scripts
 from benchmarks.stop_matrix.expectation import Expectation, Zero
 from benchmarks.stop_matrix.pauses import State
 from benchmarks.stop_matrix.trial_setup import Row, TrialContext
@@ -295,6 +295,38 @@ def _by_hand(row: Row) -> Row:
         quick=int(BY_HAND.index(what) < QUICK_BY_HAND))
 
 
+#: The robots of a fleet, and the time limits for all its first zeros [s].
+FLEET_SIZE = 5
+FLEET_KILLED, FLEET_FROZEN = 0.1, 0.2
+
+
+def _fleet(
+        what: str, who: str, codes: tuple[int, ...], limit: float | None,
+        inject: Callable[[TrialContext], float], zero: Zero = Zero.REQUIRED,
+        **more: object) -> Row:
+    row = {'script': fleets.FLEET, 'quick': 0, **more}
+    return Row(
+        Expectation(f'{what}, a fleet of {FLEET_SIZE}', who, codes, zero, limit), inject,
+        robots=FLEET_SIZE, batch_size=2, measures_distance=False,
+        **row)  # type: ignore[arg-type]
+
+
+FLEETS = (
+    _fleet('SIGINT', NODE, (130,), SIGNAL, faults.send_signals('SIGINT')),
+    _fleet('SIGKILL', GUARDIAN, (137,), FLEET_KILLED, faults.send_signals('SIGKILL'), quick=1),
+    _fleet('SIGSTOP', GUARDIAN, (), FLEET_FROZEN, faults.send_signals('SIGSTOP')),
+    _fleet('guardian killed', NODE, (1,), None, faults.kill_guardian),
+    _fleet('the bridge of one robot killed', NODE, (1,), ODOMETRY,
+           faults.signal_robot('SIGKILL'), check=fleets.check_stopped_together,
+           robot_reusable=False, exclusive=False, quick=1),
+    _fleet('the bridge of one robot killed, the others go on', NODE, (1,), None,
+           fleets.kill_one_robot, Zero.AT_END, script=fleets.GOES_ON, duration=4.0,
+           check=fleets.check_others_went_on, robot_reusable=False, exclusive=False),
+    _fleet('one robot is missing', 'nothing moves', (3,), None, faults.fault_now, Zero.NONE,
+           script=fleets.INCOMPLETE, check=fleets.check_nobody_moved, moves=False),
+)
+
+
 ROWS = (
     *IN_MOTION,
     *OVER_LINK,
@@ -329,6 +361,7 @@ ROWS = (
          scripts.EXIT_OF_TWO),
     _two('exception while other threads drive', NODE, (1,), EXIT, faults.own_fault,
          scripts.ERROR_OF_TWO),
+    *FLEETS,
     *(_at(state, row) for state in State for row in IN_MOTION
       if row.expectation.what in AROUND_PAUSE),
     Row(Expectation('frozen for 1 s while paused, then resumed', GUARDIAN, (1,), limit=FROZEN),

@@ -49,7 +49,8 @@ START_TOLERANCE = 0.01
 BURST_GAP = 0.005
 #: Match the text before a message, in a line of a log and of the program.
 LOG_PREFIX = re.compile(r'^\[\w+\] \[[\d.]+\] \[[\w./]+\]: ')
-PROGRAM_PREFIX = re.compile(r'^(kachaka_simple_control: |kachaka_simple_control\.[\w.]+: )')
+PROGRAM_PREFIX = re.compile(
+    r'^(kachaka_simple_control: |kachaka_fleet: |kachaka_simple_control\.[\w.]+: )')
 #: Matches a change of the colour.
 COLOUR = re.compile(r'\x1b\[[\d;]*m')
 #: Matches the path of a trial's script.
@@ -58,7 +59,8 @@ SCRIPT = re.compile(r'/\S*/script\.py')
 MAX_LENGTH = 100
 #: Lines that each program logs.
 ROUTINE = (
-    'Robot control node has started', 'Robot has stopped', 'Movement completed', 'Paused: ',
+    'Robot control node has started', 'Robot has stopped', 'The robots have stopped',
+    'Each robot is trusted to stand', 'Movement completed', 'Paused: ',
     'Resumed', 'Calibrated: ', 'The robot did not confirm')
 
 
@@ -93,7 +95,7 @@ class TrialContext:
     def __init__(self, row: Row, robot: PooledRobot) -> None:
         self.row, self.robot, self.recorder = row, robot, robot.recorder
         #: one for each robot that the program drives
-        self.recorders = [robot.recorder, *([robot.second().recorder] if row.robots > 1 else [])]
+        self.recorders = [robot.recorder, *robot.others(row.robots - 1)]
         self.program = self.start_program()
         #: the violations of this trial, as sentences
         self.violations: list[str] = []
