@@ -32,6 +32,7 @@ PROGRAMS = {
     'kachaka_simple_control': 'kachaka_simple_control',
     'kachaka_calibrate': 'kachaka_simple_control.commands.calibrate',
     'kachaka_compare': 'kachaka_simple_control.commands.compare',
+    'kachaka_fleet': 'kachaka_simple_control.commands.fleet',
     'kachaka_bridge': 'kachaka_simple_control.kachaka.bridge_command',
     'kachaka_sim': 'kachaka_simple_control.kachaka.sim_command',
 }
