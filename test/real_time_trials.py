@@ -75,6 +75,8 @@ class RealTimeTrials:
             if not stalls:
                 break
             reasons.append(describe(stalls))
+            # A fixture of the module, too, is made anew: it would fail as before.
+            item.session._setupstate.teardown_exact(None)
         for report in reports:
             report.user_properties.append((REPEATED, reasons))
             item.ihook.pytest_runtest_logreport(report=report)

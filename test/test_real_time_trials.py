@@ -82,6 +82,24 @@ def test_a_failed_trial_is_repeated_and_printed_if_the_machine_stood_still(run):
     assert 'real-time trials: 1, repeated because the machine stood still: 1' in result.stdout
 
 
+def test_a_fixture_of_a_module_that_failed_is_made_anew(run):
+    result = run("""
+@pytest.fixture(scope='module')
+def fails_once():
+    trials.append(1)
+    if len(trials) == 1:
+        see_stall()
+        assert False
+
+@pytest.mark.ros
+@pytest.mark.parametrize('number', range(3))
+def test_some(fails_once, number):
+    assert len(trials) == 2
+""")
+    assert result.returncode == 0, result.stdout
+    assert '3 passed' in result.stdout
+
+
 def test_a_trial_is_not_repeated_otherwise(run):
     result = run(FAILS)
     assert result.returncode == 1, result.stdout
