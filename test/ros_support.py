@@ -22,7 +22,7 @@ import time
 from kachaka_simple_control.process import processes
 from kachaka_simple_control.ros.dds_transport import CHOICES
 from program import Program
-from waiting import TIMEOUT, wait_until
+from waiting import poll, TIMEOUT, wait_until
 
 BRIDGE = [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command']
 
@@ -106,9 +106,13 @@ class Probe:
         client = self.node.create_client(
             self._set_bool, f'{namespace}/manual_control/set_enabled')
         assert client.wait_for_service(TIMEOUT)
-        future = client.call_async(self._set_bool.Request(data=enabled))
-        wait_until(future.done)
-        return future.result()
+        # A killed bridge stays in the graph for 20 s: where it is all that was discovered yet, the
+        # request goes to it alone.
+        for _ in range(4):
+            future = client.call_async(self._set_bool.Request(data=enabled))
+            if poll(future.done, TIMEOUT / 3.0):
+                return future.result()
+        raise AssertionError(f'{client.srv_name} does not answer')
 
 
 def free_environment(**chosen):
