@@ -57,7 +57,7 @@ nitpick_ignore_regex = [
     (r'py:.*', r'(diagnostic_msgs|kachaka_api|kachaka_api_pb2|rich)\..*'),
     (r'py:.*', r'(kachaka_simple_control\.([a-z_]+\.)+[A-Za-z]*T|dict\[str.*)'),
     (r'py:class', r'(Axes|Figure|Point|kachaka_simple_control\.files\.yaml_document\.Node)'),
-    (r'py:class', r'(FieldKind|PathPart)'),  # names of types, for older releases
+    (r'py:class', r'(Event|FieldKind|PathPart)'),  # names of types, for older releases
     (r'py:.*', r'(Any|Callable|Enum|Exception|NoReturn|RuntimeError|ValueError|SystemExit)'),
     (r'py:.*', r'(Field|Footprint|FrameType|Iterator|Path|Sequence|TracebackType)'),
     # The lines are described by their schema; the numbers are ranges of theirs.

@@ -39,7 +39,7 @@ from kachaka_simple_control.motion.geometry import (
     ZERO,
 )
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.motion.separation import Gap, gap, Hull
+from kachaka_simple_control.motion.separation import gap, Hull, Separation
 
 #: Distances are found to this [m].  A pass that is less than twice this below the margin may be
 #: left out, so robots that are exactly a margin apart are not near.
@@ -122,7 +122,7 @@ class Moment(NamedTuple):
     """
 
     time: float
-    gap: Gap
+    gap: Separation
     pose: Pose
     moved: float
 

@@ -113,7 +113,7 @@ class PlanInStep:
             delay, self._zero.deadline - rest)
 
     def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
-        """Return the velocity that is due, as :meth:`VelocitySource.due` says."""
+        """Return the velocity that is due, as ``VelocitySource.due`` says."""
         if factor != self._factor:
             self._factor = factor
             self._group.reopen()

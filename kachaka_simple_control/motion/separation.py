@@ -59,7 +59,7 @@ class Hull:
         return max(math.hypot(x, y) for x, y in self.corners)
 
 
-class Gap(NamedTuple):
+class Separation(NamedTuple):
     """
     How far two outlines are apart, and where, seen from the axle of the first robot.
 
@@ -75,7 +75,7 @@ class Gap(NamedTuple):
     place: Point
 
 
-def gap(one: Hull, two: Hull, pose: Pose) -> Gap:
+def gap(one: Hull, two: Hull, pose: Pose) -> Separation:
     """Return how far two outlines are apart, for the pose of the second seen from the first."""
     cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
     # The nearest points of two rectangles that do not overlap: one of them is a corner.
@@ -100,14 +100,14 @@ def gap(one: Hull, two: Hull, pose: Pose) -> Gap:
                    pose.y + near_x * sine + near_y * cosine)
     distance = math.sqrt(nearest)
     if not distance:
-        return Gap(0.0, (0.0, 0.0), foot)
+        return Separation(0.0, (0.0, 0.0), foot)
     if not (_is_beside(theirs, one) or _is_beside(ours, two)):
         # They cross, and no corner of one is in the other.
-        return Gap(0.0, (0.0, 0.0), _crossing(one, two, pose, cosine, sine))
+        return Separation(0.0, (0.0, 0.0), _crossing(one, two, pose, cosine, sine))
     right, up = (end[0] - foot[0]) / distance, (end[1] - foot[1]) / distance
     free = distance - one.radius - two.radius
     middle = one.radius + free / 2.0
-    return Gap(max(0.0, free), (right, up), (foot[0] + right * middle, foot[1] + up * middle))
+    return Separation(max(0.0, free), (right, up), (foot[0] + right * middle, foot[1] + up * middle))
 
 
 def _is_beside(corners: Sequence[Point], hull: Hull) -> bool:
