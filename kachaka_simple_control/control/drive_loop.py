@@ -128,7 +128,6 @@ class DriveLoop:
                     self._sleep(left)
                     self._call_woken(drives, following)
                 # Only here: each drive that was due at the last heartbeat has been called since.
-                # So a thread that has too much to do is silent, like one that hangs.
                 self._beat()
                 for number in [number for number, at in following.items() if at <= woken]:
                     try:

@@ -317,17 +317,16 @@ def test_a_wanted_velocity_ends_with_its_lease():
 
 
 class HoldUp:
-    """What holds a thread up at some time: too much to do, a call to DDS, or no processor."""
+    """What holds a thread up at some time: a check, a call to DDS, or no processor."""
 
     def __init__(self, how='', at=math.inf, duration=0.0):
         """Plan it [s]."""
         self.how, self.at, self.left = how, at, duration
 
-    def __call__(self, how, fake, longest=math.inf):
+    def __call__(self, how, fake):
         """Let time pass, if it is time for it."""
         if how == self.how and fake.now >= self.at:
-            passed = min(longest, self.left)
-            fake.now, self.left = fake.now + passed, self.left - passed
+            fake.now, self.left = fake.now + self.left, 0.0
 
 
 class Guarded:
@@ -341,7 +340,7 @@ class Guarded:
 
     def drive(self, thread, count, start, hold_up):
         """Drive robots in a thread; return their numbers."""
-        fake, begun, busy = FakeTime(start), set(), hold_up.left / count
+        fake, begun = FakeTime(start), set()
         numbers = range(len(self.robots) + 1, len(self.robots) + 1 + count)
         for number in numbers:
             self.robots[number] = SimpleNamespace(
@@ -359,7 +358,7 @@ class Guarded:
             if number not in begun:
                 begun.add(number)
                 tell(number, GuardianMessage.HEARTBEAT)
-            hold_up('busy', fake, busy)
+            hold_up('checking', fake)
 
         def publish(index, velocity):
             happens(sending.set)
@@ -402,7 +401,7 @@ class Guarded:
     st.lists(st.tuples(st.integers(1, 6), st.floats(0.0, 0.2)), min_size=1, max_size=4),
     st.floats(0.001, 0.9), st.sampled_from([
         ('asleep', 0.0, 0.07, False), ('asleep', 0.13, 3.0, True),
-        ('busy', 0.0, 0.07, False), ('busy', 0.13, 3.0, True),
+        ('checking', 0.0, 0.07, False), ('checking', 0.13, 3.0, True),
         ('in DDS', 0.0, 0.4, False), ('in DDS', 0.65, 3.0, True)]), st.floats(0.0, 1.0))
 def test_a_thread_that_is_held_up_stops_exactly_its_robots(threads, moment, hold_up, share):
     """A wait in a DDS call for one robot gives all robots of the thread the longer timeout."""
