@@ -25,7 +25,9 @@ from program import environment, JsonProcess, Program
 import pytest
 from waiting import wait_until
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'yaml', 'jsonschema')]
+pytestmark = [
+    pytest.mark.ros, pytest.mark.slow,
+    pytest.mark.needs('rclpy', 'nav_msgs', 'yaml', 'jsonschema')]
 
 COMMAND = python_command('kachaka_simple_control.commands.fleet')
 CONSOLE = python_command('kachaka_simple_control.console.console_command')

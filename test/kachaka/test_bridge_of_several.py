@@ -42,7 +42,8 @@ with optional_imports():
     from rclpy.signals import SignalHandlerOptions
     from std_msgs.msg import String
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'yaml')]
+pytestmark = [
+    pytest.mark.ros, pytest.mark.slow, pytest.mark.needs('rclpy', 'nav_msgs', 'yaml')]
 #: The distance driven in a command timeout of 0.3 s at 0.1 m/s [m].
 TIMEOUT_DISTANCE = 0.03
 THREE = """
