@@ -107,7 +107,8 @@ def gap(one: Hull, two: Hull, pose: Pose) -> Separation:
     right, up = (end[0] - foot[0]) / distance, (end[1] - foot[1]) / distance
     free = distance - one.radius - two.radius
     middle = one.radius + free / 2.0
-    return Separation(max(0.0, free), (right, up), (foot[0] + right * middle, foot[1] + up * middle))
+    place = foot[0] + right * middle, foot[1] + up * middle
+    return Separation(max(0.0, free), (right, up), place)
 
 
 def _is_beside(corners: Sequence[Point], hull: Hull) -> bool:
