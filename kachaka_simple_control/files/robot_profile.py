@@ -111,6 +111,11 @@ class RobotProfile:
                 limits = calibration.reduce(limits)
         return limits
 
+    @property
+    def delay(self) -> float:
+        """Return how long the robot takes to follow a velocity [s]; 0 if not measured."""
+        return 0.0 if self.calibration is None else self.calibration.delay or 0.0
+
     def feedback_delay(self) -> float:
         """
         Return the delay with which the robot follows a velocity command [s].

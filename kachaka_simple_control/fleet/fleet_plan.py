@@ -95,12 +95,6 @@ class PlannedRobot:
         """Return where it stands after one round, on the floor of all."""
         return compose(self.fleet_robot.start, self.plan.pose)
 
-    @property
-    def delay(self) -> float:
-        """Return how long it takes to follow a velocity [s]; 0 if that was not measured."""
-        calibration = self.profile.calibration
-        return 0.0 if calibration is None else calibration.delay or 0.0
-
 
 @dataclass(frozen=True)
 class FleetPlan:
@@ -119,10 +113,6 @@ class FleetPlan:
     def duration(self) -> float:
         """Return how long one round takes, which is that of the longest plan [s]."""
         return max(robot.plan.duration for robot in self.robots)
-
-    def lead(self, name: str) -> float:
-        """Return how much earlier the commands of a robot leave, so that all move together [s]."""
-        return next(robot.delay for robot in self.robots if robot.name == name)
 
     @cached_property
     def floor(self) -> tuple[FloorRobot, ...]:

@@ -81,7 +81,7 @@ def _row(robot: PlannedRobot) -> Row:
         *_pose(robot.fleet_robot.start),
         format_fixed(plan.duration, 2), format_fixed(plan.length, 2), *_pose(robot.end),
         format_number(robot.order.rate),
-        format_number(1e3 * robot.delay) if robot.delay else '')
+        format_number(1e3 * robot.profile.delay) if robot.profile.delay else '')
 
 
 def _pose(pose: Pose) -> Row:

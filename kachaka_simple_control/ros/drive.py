@@ -96,7 +96,7 @@ class Drive:
                 gate.wake = partial(self._loop.wake, task.robot.drive)
             t0 = self._t0()
             # Velocities leave earlier by the delay of a robot, so that all move together.
-            delays = [task.robot.delay for task in self._tasks]
+            delays = [task.robot.settings.profile.delay for task in self._tasks]
             for task, delay in zip(self._tasks, delays):
                 task.robot.begin(
                     task.source, t0 + max(delays) - delay, task.period, task.corrected)

@@ -283,12 +283,6 @@ class Robot:
                 'nothing moves until this program is started again: the guardian has ended')
 
     @property
-    def delay(self) -> float:
-        """Return how long the robot takes to follow a velocity, if it is calibrated, or 0 [s]."""
-        calibration = self.settings.profile.calibration
-        return 0.0 if calibration is None else calibration.delay or 0.0
-
-    @property
     def pose(self) -> Pose | None:
         """Return the newest pose of the robot in the odometry frame; None before the first."""
         return self.monitor.pause_pose.newest

@@ -69,7 +69,7 @@ def test_each_robot_drives_its_motion_at_its_rate_under_its_limits(tmp_path):
     assert second.order.limits.max_linear_velocity == 0.1
     assert first.order.plan.max_linear_velocity == pytest.approx(0.3)
     assert plan.duration == first.plan.duration > second.plan.duration > 10.0
-    assert [plan.lead(name) for name in 'abc'] == [0.0, 0.15, 0.0]
+    assert [robot.profile.delay for robot in plan.robots] == [0.0, 0.15, 0.0]
     assert (first.simulation, second.simulation) == (IDEAL, SimulationParameters(lag=0.1))
     assert plan.simulated['b'] == (ORIGIN, SimulationParameters(lag=0.1))
     assert second.parameters == {
