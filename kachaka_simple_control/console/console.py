@@ -14,7 +14,7 @@
 """
 The console of one robot without its network: it passes messages between pages and drive process.
 
-What takes time (files, plans, the end of a recording) is a task of its own.
+Slow work (files, plans, the end of a recording) is done in tasks of its own.
 """
 
 from __future__ import annotations

@@ -169,7 +169,7 @@ class DriveLoop:
 #: Python's largest threshold for the garbage collector: with it no full collection ever starts.
 NEVER = 2 ** 31 - 1
 #: How long a busy thread may make the thread that drives wait for the interpreter's lock [s].
-#: Python's 5 ms may pass in each call of DDS.  Chosen: a shorter one gains nothing (measured).
+#: Python's 5 ms may pass in each call of DDS.  Chosen.
 SWITCH_INTERVAL = 0.0002
 
 _lock = threading.Lock()

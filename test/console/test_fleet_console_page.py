@@ -55,7 +55,7 @@ class FleetPage(Page):
 
 
 def many(count):
-    """Return the text of the file of a fleet of so many robots on a grid."""
+    """Return a fleet file as text, with a number of robots on a grid."""
     rows = ''.join(
         f'  r{number + 1}: {{motion: {"square_cw" if number % 2 else "square"}, start: '
         f'{{x: {1.6 * (number % 10):.1f} m, y: {1.6 * (number // 10):.1f} m, '

@@ -422,6 +422,21 @@ def test_a_thread_that_is_held_up_stops_exactly_its_robots(threads, moment, hold
     assert all(time - at <= 0.1 + allowed + CHECK_PERIOD for time in stopped.values())
 
 
+def test_what_is_due_together_is_sent_before_any_check():
+    """Otherwise the checks of the first robots would delay the velocities of the last."""
+    fake = FakeTime()
+    fleet, happened = Fleet(3, fake.clock, fake.sleep), []
+    fleet.transmit = lambda number, _: happened.append('sent')
+    for drive in fleet.drives:
+        drive.monitor.check = lambda _: happened.append('checked')
+    fleet.begin(fake.now + 0.01)
+    fleet.loop.run(fleet.drives)
+    turns = [(what, len([*group])) for what, group in itertools.groupby(happened)]
+    assert turns[0] == ('checked', 3), 'before the first velocity'
+    assert {count for what, count in turns if what == 'sent'} == {3}
+    assert all(count % 3 == 0 for _, count in turns)
+
+
 def test_robots_that_are_driven_together_are_checked_in_one_wake_up():
     """Each velocity takes some time, in which the next checks must not drift apart."""
     fake, sleeps = FakeTime(), []

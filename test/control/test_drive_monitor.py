@@ -153,6 +153,21 @@ def test_each_count_is_followed_by_the_other_questions_after_a_change_and_with_o
         assert all(GRAPH_CHECK_PERIOD <= two - one <= longest for one, two in pairwise(rest))
 
 
+@pytest.mark.parametrize('count', [2, 200])
+def test_many_robots_ask_one_after_the_other_and_less_often(count):
+    def ask(number):
+        return questions(12.0, lambda now, monitor, _: (
+            monitor.wait_for_dds(partial(monitor.check_graph, now)),
+            monitor.share_graph(number, count)) if not now else None)
+
+    first, middle = ask(0)['has_changed'], ask(count // 2)['has_changed']
+    period = max(GRAPH_COUNT_PERIOD, 0.005 * count)
+    for asked in first, middle:
+        gaps = [two - one for one, two in pairwise(asked)][2:]
+        assert period - 1e-6 <= min(gaps) <= max(gaps) <= period + STEP
+    assert (middle[4] - first[4]) % period == pytest.approx(period / 2.0, abs=2.0 * STEP)
+
+
 def test_what_was_asked_before_the_run_does_not_delay_its_first_velocity():
     def ask(now, monitor, _):
         if now == 0.0:

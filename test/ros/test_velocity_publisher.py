@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What is published: our own bytes are those that ROS makes of the same velocities."""
+"""Velocities are serialized to the same bytes as by ROS."""
 
 from __future__ import annotations
 
