@@ -56,6 +56,8 @@ class Screen:
         self.row = self.column = 0
         self.bottom = rows
         self.cursor_is_shown = True
+        #: whether a frame has begun that has not ended yet
+        self.in_frame = False
         self._saved = (0, 0)
 
     def write(self, text: str) -> None:
@@ -97,10 +99,12 @@ class Screen:
             self.row = min(self.row + 1, self.rows - 1)
 
     def _execute(self, numbers: str | None, letter: str | None, digit: str | None) -> None:
-        if digit == '7':
-            self._saved = self.row, self.column
-        elif digit == '8':
-            self.row, self.column = self._saved
+        if digit:
+            self.in_frame = digit == '7'
+            if self.in_frame:
+                self._saved = self.row, self.column
+            else:
+                self.row, self.column = self._saved
         elif letter == 'A':
             self.row = max(0, self.row - int(numbers or 1))
         elif letter == 'H':
@@ -140,8 +144,10 @@ class TerminalProgram(Program):
 
     @property
     def text(self) -> str:
-        """Read what it has written; return the text of the terminal."""
-        while not self._is_over and select.select([self.leader], [], [], 0.0)[0]:
+        """Read what it has written, up to the end of a frame; return the text of the terminal."""
+        # A frame of a fleet is larger than what a terminal holds.
+        while not self._is_over and select.select(
+                [self.leader], [], [], 1.0 if self.screen.in_frame else 0.0)[0]:
             self._read()
         return '\n'.join([*self.screen.history, '-' * 20, *self.screen.lines])
 
