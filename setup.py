@@ -29,8 +29,8 @@ setup(
     python_requires='>=3.10',
     packages=find_packages(include=[package_name, package_name + '.*']),
     package_data={package_name: [
-        'py.typed', 'console/*.json', 'console/static/*', 'fleets/*', 'motions/*',
-        'report/*.css', 'report/templates/*', 'robots/*', 'ros/*.xml']},
+        'py.typed', 'console/*.json', 'console/static/*', 'fleets/*', 'floors/*',
+        'motions/*', 'report/*.css', 'report/templates/*', 'robots/*', 'ros/*.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
@@ -45,11 +45,12 @@ setup(
         # commands draw and show with.
         'jazzy': [
             'ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-diagnostic-msgs', 'ros-jazzy-geometry-msgs',
-            'ros-jazzy-nav-msgs', 'ros-jazzy-std-srvs',
+            'ros-jazzy-nav-msgs', 'ros-jazzy-sensor-msgs', 'ros-jazzy-std-srvs',
             'kachaka_simple_control[plot,report,live,recording,completion,console]'],
         'kilted': [
             'ros-kilted-rclpy[fastrtps]', 'ros-kilted-diagnostic-msgs',
-            'ros-kilted-geometry-msgs', 'ros-kilted-nav-msgs', 'ros-kilted-std-srvs',
+            'ros-kilted-geometry-msgs', 'ros-kilted-nav-msgs',
+            'ros-kilted-sensor-msgs', 'ros-kilted-std-srvs',
             'kachaka_simple_control[plot,report,live,recording,completion,console]'],
         'plot': ['matplotlib>=3.5'],
         # The page of a report, with its pictures; without it, the figures and the recording.

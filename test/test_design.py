@@ -38,7 +38,7 @@ LIBRARIES = {
     'argcomplete': {'argcomplete'}, 'tornado': {'tornado'},
     'std_srvs': {'std_srvs'}, 'kachaka-api': {'kachaka_api'}, 'grpc': {'grpc'},
     'messages': {'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs',
-                 'rcl_interfaces', 'std_msgs', 'std_srvs'},
+                 'rcl_interfaces', 'sensor_msgs', 'std_msgs', 'std_srvs'},
 }
 
 

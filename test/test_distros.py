@@ -29,6 +29,7 @@ COMMON = {
     'diagnostic_msgs.msg': {'DiagnosticArray', 'DiagnosticStatus', 'KeyValue'},
     'geometry_msgs.msg': {'Quaternion', 'Twist', 'TwistStamped'},
     'nav_msgs.msg': {'Odometry', 'Path'},
+    'sensor_msgs.msg': {'LaserScan'},
     'rcl_interfaces.msg': {
         'FloatingPointRange', 'ParameterDescriptor', 'SetParametersResult'},
     'rclpy': {'init', 'ok', 'shutdown', 'signals', 'spin', 'try_shutdown'},

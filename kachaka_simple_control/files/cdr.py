@@ -15,10 +15,13 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
 from functools import lru_cache
 import math
 import struct
+import sys
+from typing import NamedTuple
 
 from kachaka_simple_control.motion.geometry import Pose, Velocity, yaw
 
@@ -145,6 +148,70 @@ def read_odometry(data: bytes) -> tuple[bytes, int, Pose, Velocity]:
     linear_x, *_, angular_z = struct.unpack_from(f'{order}6d', data, len(data) - VELOCITY_TO_END)
     return (data[begin:begin + length - 1], seconds * NANO + nanoseconds,
             Pose(x, y, yaw(qx, qy, qz, qw)), Velocity(linear_x, angular_z))
+
+
+class Scan(NamedTuple):
+    """
+    A scan of a laser, as ``sensor_msgs/msg/LaserScan`` has it.
+
+    :param stamp: when its first range was measured [ns]
+    :param angle: of the first range, in the frame of the laser [rad]
+    :param increment: between two ranges [rad]
+    :param nearest: a smaller range says nothing [m]
+    :param farthest: a larger range says nothing [m]
+    :param ranges: any number, also infinite, NaN and 0 [m]
+    """
+
+    stamp: int
+    angle: float
+    increment: float
+    nearest: float
+    farthest: float
+    ranges: Sequence[float]
+
+
+def laser_scan(scan: Scan, period: float, frame: str) -> bytes:
+    """
+    Return a serialized ``sensor_msgs/msg/LaserScan``; a number above those of a float is infinite.
+
+    :param period: the time between two scans [s]
+    """
+    count = len(scan.ranges)
+    last = scan.angle + scan.increment * max(0, count - 1)
+    return CdrWriter().header(scan.stamp, frame).append(_floats(
+        scan.angle, last, scan.increment, 0.0, period, scan.nearest, scan.farthest), 4,
+    ).uint32(count).append(_floats(*scan.ranges)).uint32(0).message()
+
+
+def _floats(*values: float) -> bytes:
+    """Return numbers as little-endian floats of 32 bits."""
+    # Unlike struct, an array makes a number that is too large infinite.
+    floats = array('f', values)
+    if sys.byteorder == 'big':
+        floats.byteswap()
+    return floats.tobytes()
+
+
+def read_laser_scan(data: bytes) -> Scan:
+    """
+    Read a serialized LaserScan message.
+
+    :raises ValueError: if a part of it is missing; or a ``struct.error``
+    """
+    kind, = struct.unpack_from('>H', data)
+    order = '<' if kind & 1 else '>'
+    seconds, nanoseconds, length = struct.unpack_from(f'{order}iII', data, len(ENCAPSULATION))
+    # The frame is followed by zero bytes up to a multiple of 4.
+    place = len(ENCAPSULATION) + STAMP_SIZE + 4 + length + -length % 4
+    numbers = struct.Struct(f'{order}7fI')
+    angle, _, increment, _, _, nearest, farthest, count = numbers.unpack_from(data, place)
+    place += numbers.size
+    ranges = array('f', data[place:place + 4 * count])
+    if len(ranges) != count:
+        raise ValueError(f'a scan of {count} ranges has {len(ranges)}')
+    if (order == '<') != (sys.byteorder == 'little'):
+        ranges.byteswap()
+    return Scan(seconds * NANO + nanoseconds, angle, increment, nearest, farthest, ranges)
 
 
 class PathSerializer:
