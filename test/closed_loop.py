@@ -21,7 +21,8 @@ import math
 import random
 
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
-from kachaka_simple_control.control.tick_scheduler import Tick, TickScheduler
+from kachaka_simple_control.control.tick import Tick
+from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.simulator.drive_model import (
     DriveModel,

@@ -25,7 +25,8 @@ import math
 
 from kachaka_simple_control.control.events import RobotsApart, VelocityKind
 from kachaka_simple_control.control.speed_factor import is_hold
-from kachaka_simple_control.control.tick_scheduler import Tick, TickScheduler
+from kachaka_simple_control.control.tick import Tick
+from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.motion.plan import Plan
 
@@ -97,6 +98,11 @@ class PlanInStep:
         self._arrived = 0.0
         #: the deadline of the newest tick of ``_plan``, by its time [s]
         self._deadline = 0.0
+
+    @property
+    def plan(self) -> TickScheduler:
+        """Return the scheduler of the plan."""
+        return self._plan
 
     @property
     def delay(self) -> float | None:

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
-from kachaka_simple_control.control.tick_scheduler import Tick
+from kachaka_simple_control.control.tick import Tick
 from kachaka_simple_control.control.timing import (
     FEEDBACK_MAX_AGE,
     MAX_HEADING_ERROR,

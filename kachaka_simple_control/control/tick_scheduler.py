@@ -16,41 +16,60 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from copy import copy
 from functools import cached_property
 import math
 from operator import attrgetter
 from typing import NamedTuple, Protocol
 
 from kachaka_simple_control.control.events import VelocityKind
-from kachaka_simple_control.motion.geometry import Velocity, ZERO
+from kachaka_simple_control.control.replanned_trajectory import (
+    at_plan_time,
+    ReplannedTrajectory,
+    velocity_before,
+)
+from kachaka_simple_control.control.tick import Tick
+from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.motion.trajectory import Sent, Trajectory
-from kachaka_simple_control.motion.velocity_profile import PathState
+from kachaka_simple_control.motion.trajectory import Sent
 
 #: A last tick shorter than this fraction of a period is a rounding error, not a tick.
 TIME_TOLERANCE = 1e-6
 
 
-class Tick(NamedTuple):
+class PlanPoint(NamedTuple):
     """
-    A velocity to send, and the time when it is due.
+    How far a plan is, so that another thread can tell where the robot would come to rest.
 
-    Times are counted from t = 0, when the first velocity is due [s].
-
-    :param start: when the velocity is due
-    :param deadline: when the next velocity is due
-    :param rest: how long the robot stays at rest from ``start`` on; 0 while it moves, infinite
-        while a speed factor of 0 holds it
-    :param plan_time: the point in the plan; ``start`` unless a speed factor has delayed the plan;
-        None without a plan
+    :param replanned: None while it is driven as planned
+    :param before: the velocity before the tick
     """
 
-    velocity: Velocity
-    start: float
-    deadline: float
-    rest: float
-    plan_time: float | None = None
+    plan: Plan
+    tick: Tick
+    factor: float
+    replanned: ReplannedTrajectory | None
+    before: Sent
+
+    def rest(self, lead: float, period: float) -> float:
+        """
+        Return the plan time at which the robot rests if it is held some time after the tick [s].
+
+        :param lead: until then it drives on with its speed factor [s]
+        :param period: of the steps that compute it [s]; a longer one is quicker
+        """
+        replanned, before = self.replanned, self.before
+        if replanned is None:
+            assert self.tick.plan_time is not None
+            time = self.tick.plan_time + lead
+            if time >= self.plan.duration:
+                return self.plan.duration
+            before = Sent(self.plan.velocity_at(time), self.plan.period)
+            replanned = at_plan_time(self.plan, time)
+        else:
+            replanned, before = replanned.driven(self.factor, lead, period, before)
+        return replanned.driven(0.0, math.inf, period, before)[0].plan_time
 
 
 class VelocitySource(Protocol):
@@ -98,11 +117,15 @@ class TickScheduler:
         #: by how much the plan is late while it is driven as planned [s]
         self._delay = 0.0
         #: the current trajectory if it is not driven as planned; None otherwise
-        self._replanned: _ReplannedTrajectory | None = None
+        self._replanned: ReplannedTrajectory | None = None
         #: the velocity before the current tick
         self._before = Sent(ZERO, plan.period)
         self._ticks = self._as_planned(0, 0.0)
         self._tick = next(self._ticks, None)
+        #: whether ``point`` is wanted, which takes some time at each tick
+        self.is_watched = False
+        #: of the newest call of ``due``, for any thread; None before
+        self.point: PlanPoint | None = None
 
     def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
         """Return the velocity that is due, as :meth:`VelocitySource.due` says."""
@@ -113,6 +136,9 @@ class TickScheduler:
         self.skipped = max(0, passed - 1)
         if self._tick is not None and factor != self._factor:
             self._change_factor(self._tick, factor)
+        if self.is_watched and self._tick is not None:
+            self.point = PlanPoint(
+                self._plan, self._tick, factor, copy(self._replanned), self._before)
         return self._tick
 
     @property
@@ -155,7 +181,7 @@ class TickScheduler:
         self._factor = factor
         assert tick.plan_time is not None
         if self._replanned is None:
-            self._replanned = _at_plan_time(self._plan, tick.plan_time)
+            self._replanned = at_plan_time(self._plan, tick.plan_time)
         if not self._replanned.has_begun:
             self._begin(self._replanned, tick.start)
             return
@@ -164,7 +190,7 @@ class TickScheduler:
         if self._tick is None:
             self._begin(self._replanned.following(), tick.start)
 
-    def _begin(self, trajectory: _ReplannedTrajectory | None, now: float) -> None:
+    def _begin(self, trajectory: ReplannedTrajectory | None, now: float) -> None:
         """
         Begin a trajectory of the plan, None after the last; if needed, plan it again.
 
@@ -202,109 +228,19 @@ class TickScheduler:
                 number, start = number + 1, following
 
 
-class _ReplannedTrajectory:
-    """
-    A trajectory of a plan that is planned again, because the speed factor has changed.
-
-    :param plan_start: when it begins in the plan [s]
-    :param reached: the velocity along the path at the end of the one before; 0 if the robot stood
-        still
-    :param state: what is reached in it; None if it has not begun
-    """
-
-    def __init__(
-            self, plan: Plan, step: int, number: int, plan_start: float, reached: float,
-            state: PathState | None = None) -> None:
-        self._plan, self._step, self._number = plan, step, number
-        self._reached = reached
-        #: whether a tick of the trajectory has passed
-        self.has_begun = state is not None
-        self.plan_start = plan_start
-        self.trajectory: Trajectory = plan.steps[step].trajectories[number]
-        #: the state at the start of the newest tick
-        self._state = self._end = state or PathState(0.0)
-
-    @property
-    def begins_at_rest(self) -> bool:
-        """Whether its first tick is the current one, and the robot stood still before."""
-        return not self.has_begun and not self._reached
-
-    def begin(self, factor: float) -> bool:
-        """Begin the trajectory; return whether it can be driven exactly as in the plan."""
-        self._state = self.trajectory.first_state(factor, self._reached)
-        return factor == 1.0 and self._state == self.trajectory.planned_start
-
-    def ticks(self, factor: float, now: float, before: Sent) -> Iterator[Tick]:
-        """
-        Yield its velocities from its current position to its end.
-
-        If the speed factor stops the robot on the way, yield zero velocities for ever.
-        """
-        end = 0.0
-        pieces = self.trajectory.pieces(self._state, factor, self._plan.period, before)
-        for piece in pieces:
-            self._state, self._end, end = piece.first, piece.last, piece.end
-            # Leave out a tick that is too short for the resolution of the time.
-            if now + end > now + piece.begin:
-                yield Tick(
-                    piece.velocity, now + piece.begin, now + end, piece.rest, self._plan_time())
-                self.has_begun = True
-        now += end
-        self._state = self._end
-        while self._end.position < self.trajectory.extent:
-            following = now + self._plan.period
-            yield Tick(ZERO, now, following, math.inf, self._plan_time())
-            self.has_begun = True
-            now = following
-
-    def following(self) -> _ReplannedTrajectory | None:
-        """Return the next trajectory that takes time; None if this one is the last."""
-        reached = self.trajectory.exit_velocity(self._end)
-        number = self._number + 1
-        for step in range(self._step, len(self._plan.steps)):
-            planned = self._plan.steps[step]
-            start = planned.start
-            for index, trajectory in enumerate(planned.trajectories):
-                if trajectory.duration and (step > self._step or index >= number):
-                    return _ReplannedTrajectory(self._plan, step, index, start, reached)
-                start += trajectory.duration
-        return None
-
-    def _plan_time(self) -> float:
-        return self.plan_start + self.trajectory.time_at(self._state.position)
-
-
-def _at_plan_time(plan: Plan, time: float) -> _ReplannedTrajectory:
-    """Return the trajectory at a time of a plan, with what is reached in it then."""
-    step = plan.step_index(time)
-    start = plan.steps[step].start
-    trajectories = plan.steps[step].trajectories
-    number = 0
-    while number + 1 < len(trajectories) and start + trajectories[number].duration <= time:
-        start += trajectories[number].duration
-        number += 1
-    if time > start:
-        return _ReplannedTrajectory(
-            plan, step, number, start, 0.0, trajectories[number].state_at(time - start))
-    return _ReplannedTrajectory(plan, step, number, start, _velocity_before(plan, step, number))
+def watched(source: VelocitySource) -> Callable[[], PlanPoint | None]:
+    """Let a source keep ``point``, and return what returns it; None without a plan."""
+    scheduler = getattr(source, 'plan', source)
+    if not isinstance(scheduler, TickScheduler):
+        return lambda: None
+    scheduler.is_watched = True
+    return lambda: scheduler.point
 
 
 def _rests(plan: Plan) -> Iterator[float]:
     for step, planned in enumerate(plan.steps):
         start = planned.start
         for number, trajectory in enumerate(planned.trajectories):
-            if trajectory.duration and not _velocity_before(plan, step, number):
+            if trajectory.duration and not velocity_before(plan, step, number):
                 yield start
             start += trajectory.duration
-
-
-def _velocity_before(plan: Plan, step: int, number: int) -> float:
-    """Return the planned velocity along the path at the end of the trajectory before one."""
-    before = [*plan.steps[step].trajectories[:number]]
-    while step and not any(trajectory.duration for trajectory in before):
-        step -= 1
-        before = [*plan.steps[step].trajectories]
-    for trajectory in reversed(before):
-        if trajectory.duration:
-            return trajectory.exit_velocity(trajectory.state_at(trajectory.duration))
-    return 0.0

@@ -146,6 +146,11 @@ class Plan:
             poses.append(integrate(poses[-1], segment.velocity, segment.end - segment.start))
         return poses
 
+    def velocity_at(self, elapsed: float) -> Velocity:
+        """Return the planned velocity at a time of the plan, which has one."""
+        return self.segments[
+            max(0, bisect_right(self.segments, elapsed, key=attrgetter('start')) - 1)].velocity
+
     def step_index(self, elapsed: float) -> int:
         """Return the index of the step that the robot drives at a given time of the plan."""
         return max(0, bisect_right(self.steps, elapsed, key=attrgetter('start')) - 1)
