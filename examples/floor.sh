@@ -13,8 +13,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-# Drive the same square on one simulated floor: as it is, calibrated, in a closed loop, and in one
-# that ignores the delay of the robot.  Leaves reports and a plot in a new folder.
+# Drive the same square on one simulated floor: as it is, calibrated, in a closed loop, in one that
+# ignores the delay of the robot, and past a person who crosses its way.  Leaves reports and a plot
+# in a new folder.
 
 set -e
 folder=${1:-floor}
@@ -42,4 +43,7 @@ drive 'closed loop, delay ignored' --robot ./no_delay.yaml --closed-loop
 kachaka_compare --plot simulated_floor.svg \
     'simulated/as it is' simulated/calibrated 'simulated/closed loop' \
     'simulated/closed loop, delay ignored'
+echo 'A person crosses its way: it is held before the person, and goes on by itself.'
+drive 'a person crosses' --robot ./measured.yaml --closed-loop --watch --floor crossing
+kachaka_compare 'simulated/closed loop' 'simulated/a person crosses'
 echo "All of it is in $folder: reports in simulated/, all paths in simulated_floor.svg"

@@ -16,7 +16,8 @@ A simulated robot with faults, a program that executes commands, each a line wit
 
 ``delay S``, ``refuse CODE``, ``json TEXT``, ``errors CODE ...`` and ``forget`` (manual control)
 set the robot; ``cut``, ``hang`` and ``flow`` set the connection to it.  ``rows`` returns the
-velocities that it received, ``pose`` where it is; the response to each line is one line of JSON.
+velocities that it received, ``pose`` where it is, ``scans`` how often it was asked for a scan,
+``laser`` how long its laser will run [s]; the response to each line is one line of JSON.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 import contextlib
 import json
+import math
 import os
 import select
 import socket
@@ -107,6 +109,8 @@ class Robot(pb2_grpc.KachakaApiServicer):
         self.lock = threading.Lock()
         self.rows, self.asked = [], []
         self.delay, self.refusal, self.codes, self.json = 0.0, 0, [], '[]'
+        #: the laser takes a scan each 0.1 s until this time; one was taken long ago
+        self.laser_until, self.scan, self.scans_asked = -math.inf, 1, 0
 
     def SetRobotVelocity(self, request, context):  # noqa: N802
         """Drive, after a delay."""
@@ -134,6 +138,28 @@ class Robot(pb2_grpc.KachakaApiServicer):
         return pb2.GetRosOdometryResponse(
             metadata=pb2.Metadata(cursor=time.monotonic_ns()),
             odometry=grpc_messages.odometry(pose, velocity, 0))
+
+    def GetRosLaserScan(self, request, context):  # noqa: N802
+        """Return the newest scan, as soon as there is one newer than the cursor."""
+        self.scans_asked += 1
+        while context.is_active():
+            now = time.monotonic()
+            if now < self.laser_until:
+                self.scan = int(10.0 * now)
+            if self.scan != request.metadata.cursor:
+                break
+            time.sleep(0.01)
+        return pb2.GetRosLaserScanResponse(
+            metadata=pb2.Metadata(cursor=self.scan), scan=pb2.RosLaserScan(
+                header=pb2.RosHeader(stamp_nsec=self.scan, frame_id='laser'),
+                angle_min=-1.0, angle_max=1.0, angle_increment=1.0, scan_time=0.1, range_min=0.1,
+                range_max=8.0, ranges=[0.5, math.inf, math.nan], intensities=[1.0] * 3))
+
+    def ActivateLaserScan(self, request, context):  # noqa: N802
+        """Let the laser run, unless all is refused."""
+        if not self.refusal:
+            self.laser_until = time.monotonic() + request.duration_sec
+        return pb2.ActivateLaserScanResponse(result=grpc_messages.result(self.refusal))
 
     def GetError(self, request, context):  # noqa: N802
         """Return the error codes."""
@@ -171,7 +197,8 @@ def execute(robot, wire, command):
             robot.robot.set_manual_control(False, now)
         pose, velocity = robot.robot.state(now)
         answers = {
-            'rows': robot.rows, 'asked': robot.asked,
+            'rows': robot.rows, 'asked': robot.asked, 'scans': robot.scans_asked,
+            'laser': robot.laser_until - now,
             'pose': (now, pose.x, pose.y, pose.theta, velocity.linear_x),
             'enabled': robot.robot.manual_control(now)}
     if word in ('cut', 'hang', 'flow'):

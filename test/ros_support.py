@@ -101,15 +101,31 @@ class Probe:
         wait_until(lambda: received)
         return received
 
+    def scans(self, namespace):
+        """Return a list that the laser's scans are added to."""
+        from rclpy.qos import qos_profile_sensor_data
+        from sensor_msgs.msg import LaserScan
+        received = []
+        self.node.create_subscription(
+            LaserScan, f'{namespace}/lidar/scan', received.append, qos_profile_sensor_data)
+        return received
+
     def set_enabled(self, namespace, enabled):
         """Call the service; return its response."""
-        client = self.node.create_client(
-            self._set_bool, f'{namespace}/manual_control/set_enabled')
+        return self._call(self._set_bool, f'{namespace}/manual_control/set_enabled', data=enabled)
+
+    def activate_laser(self, namespace):
+        """Call the service; return its response."""
+        from std_srvs.srv import Trigger
+        return self._call(Trigger, f'{namespace}/lidar/activate')
+
+    def _call(self, kind, name, **values):
+        client = self.node.create_client(kind, name)
         assert client.wait_for_service(TIMEOUT)
         # A killed bridge stays in the graph for 20 s: where it is all that was discovered yet, the
         # request goes to it alone.
         for _ in range(4):
-            future = client.call_async(self._set_bool.Request(data=enabled))
+            future = client.call_async(kind.Request(**values))
             if poll(future.done, TIMEOUT / 3.0):
                 return future.result()
         raise AssertionError(f'{client.srv_name} does not answer')

@@ -20,7 +20,7 @@ import re
 from typing import Any
 
 import kachaka_simple_control
-from kachaka_simple_control.files import motion_file, protocol, robot_profile
+from kachaka_simple_control.files import floor_file, motion_file, protocol, robot_profile
 from kachaka_simple_control.files.document import read_schema
 from kachaka_simple_control.motion.units import QUANTITIES
 
@@ -29,6 +29,7 @@ def main() -> None:
     """Write the schema files of the package, which editors use."""
     write(motion_file.SCHEMA, motion_file.motion_schema())
     write(robot_profile.SCHEMA, read_schema(robot_profile.SCHEMA))
+    write(floor_file.SCHEMA, read_schema(floor_file.SCHEMA))
     write(protocol.SCHEMA, protocol.protocol_schema())
 
 

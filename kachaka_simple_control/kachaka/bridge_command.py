@@ -31,12 +31,16 @@ from typing import TYPE_CHECKING
 
 from kachaka_simple_control.control.timing import MAX_RATE, SHUTDOWN_TIMEOUT
 from kachaka_simple_control.errors import RobotNotFoundError, RobotTakenError
+from kachaka_simple_control.files.floor_file import FloorFileError
 from kachaka_simple_control.kachaka.bridge_process import PARTICIPANT
 from kachaka_simple_control.kachaka.program import (
+    add_floor_option,
     add_parent_option,
     add_simulation_options,
     address_argument,
     ExitError,
+    find_option_floor,
+    FLOOR,
     number_argument,
     option_of,
     PORT,
@@ -49,7 +53,7 @@ from kachaka_simple_control.kachaka.simulator.drive_model import (
     ODOMETRY_PERIOD,
     SimulationParameters,
 )
-from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka, USUAL_LASER
 from kachaka_simple_control.process.exit_codes import BAD_USAGE, FAULTED, NO_ROBOT, OneLineParser
 from kachaka_simple_control.process.output import make_log_nonblocking
 from kachaka_simple_control.process.processes import ended_after
@@ -117,6 +121,8 @@ def _run(args: list[str], shutdown: ShutdownEvent) -> None:
         raise ExitError(NO_ROBOT, f'{error}; {_advice(options)}') from None
     except RobotNotFoundError as error:
         raise ExitError(NO_ROBOT, error) from None
+    except FloorFileError:
+        raise
     except (RuntimeError, UnicodeError) as error:
         raise ExitError(BAD_USAGE, error) from None
     try:
@@ -146,11 +152,13 @@ def _simulated(
     Return what makes each simulated robot, by its name; empty for the only one.
 
     :raises FleetFileError: if the file of ``--robots`` cannot be used
+    :raises FloorFileError: if that of ``--floor`` cannot be used
     """
     from kachaka_simple_control.kachaka.simulated_robot import SimulatedRobot
-    now, seed = time.monotonic(), options.seed or 0
+    now, seed, file = time.monotonic(), options.seed or 0, find_option_floor(options)
+    floor, laser = (None, USUAL_LASER) if file is None else (file.floor, file.laser)
     if options.robots is None:
-        robot = SimulatedKachaka(now, parameters, bool(options.docked), seed)
+        robot = SimulatedKachaka(now, parameters, bool(options.docked), seed, floor, laser)
         return {'': partial(
             SimulatedRobot, robot=robot, frame_prefix=options.frame_prefix or '')}
     from kachaka_simple_control.files.fleet_file import find_fleet
@@ -158,8 +166,9 @@ def _simulated(
     robots = simulated_robots(find_fleet(options.robots))
     return {
         name: partial(
-            SimulatedRobot, robot=SimulatedKachaka(now, errors, seed=seed + index), start=start,
-            frame_prefix=f'{name}/' if len(robots) > 1 else '')
+            SimulatedRobot, robot=SimulatedKachaka(
+                now, errors, seed=seed + index, floor=floor, laser=laser, place=start),
+            start=start, frame_prefix=f'{name}/' if len(robots) > 1 else '')
         for index, (name, (start, errors)) in enumerate(robots.items())}
 
 
@@ -201,6 +210,7 @@ def _parse(args: list[str]) -> tuple[argparse.Namespace, SimulationParameters]:
     add('--give-up', action='store_true',
         help='end with code 1 when a real robot refuses to move, or is lost while it moves')
     add_simulation_options(parser, 'the simulated robot')
+    add_floor_option(parser, 'a simulated robot')
     add_parent_option(parser)
     options = parser.parse_args(args)
     if not options.sim and options.address is None:
@@ -216,6 +226,8 @@ def _require_fitting(parser: OneLineParser, options: argparse.Namespace) -> None
     for name in ('robots', 'odometry_rate'):
         if not options.sim and getattr(options, name) is not None:
             parser.error(f'{option_of(name)} is for simulated robots: it needs --sim')
+    if not options.sim and getattr(options, FLOOR) is not None:
+        parser.error('--floor is for simulated robots: it needs --sim')
     for name in ('namespace', 'frame_prefix', *SIMULATION_NAMES):
         if options.robots is not None and name != 'seed' and getattr(options, name) is not None:
             parser.error(

@@ -33,7 +33,12 @@ from kachaka_simple_control.ros.executors import (
     SubscriptionExecutor,
 )
 from kachaka_simple_control.ros.graph import Graph
-from kachaka_simple_control.ros.names import BATTERY, DIAGNOSTICS, RobotNames
+from kachaka_simple_control.ros.names import (
+    BATTERY,
+    DIAGNOSTICS,
+    LASER_ACTIVATION,
+    RobotNames,
+)
 from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from kachaka_simple_control.text import pluralize
@@ -41,14 +46,17 @@ from nav_msgs.msg import Odometry
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Float64
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
 NODE = 'kachaka_bridge'
 #: The two odometry topics of the official bridge.  The simulated robot publishes the same messages
 #: on both topics.
 ODOMETRY_TOPICS = ('odometry/odometry', 'wheel_odometry/wheel_odometry')
 MANUAL_CONTROL = 'manual_control/set_enabled'
+#: The topic of the scans has the name of the official bridge.
+SCAN = 'lidar/scan'
 #: The shortest time between two warnings about velocities above the limits [s].
 LIMIT_WARN_PERIOD = 5.0
 #: How many robots the log names.
@@ -85,7 +93,8 @@ class BridgeNode(Node):
         names = [*map(_names, robots)]
         check_node_names(self, names, (
             *(topic_of(robot, topic) for robot in robots for topic in (
-                *ODOMETRY_TOPICS[1:], BATTERY)), DIAGNOSTICS), ())
+                *ODOMETRY_TOPICS[1:], SCAN, BATTERY)), DIAGNOSTICS),
+            [topic_of(robot, LASER_ACTIVATION) for robot in robots])
         self.graph = Graph(self)
         self._claims = [
             RobotClaim(self.graph, self.resolve_topic_name(robot_names.velocity), 'bridge',
@@ -166,7 +175,8 @@ class BridgedRobot:
     """
     The base class of the robots of a bridge.
 
-    It has the topics, service and QoS of the manufacturer's own bridge.
+    It has the topics, service and QoS of the manufacturer's own bridge, and a service that lets
+    the laser run.
 
     :param name: empty for the only robot of a node
     """
@@ -186,6 +196,10 @@ class BridgedRobot:
             for topic in ODOMETRY_TOPICS]
         self._battery = node.create_publisher(
             Float64, topic_of(name, BATTERY), qos_profile_sensor_data)
+        self._scans = node.create_publisher(
+            LaserScan, topic_of(name, SCAN), qos_profile_sensor_data)
+        self._activation = node.create_service(
+            Trigger, topic_of(name, LASER_ACTIVATION), self._on_activate)
 
     @property
     def summary(self) -> str:
@@ -231,6 +245,19 @@ class BridgedRobot:
         """Switch manual control on or off; return why it failed, or an empty text."""
         raise NotImplementedError
 
+    def activate_laser(self) -> str:
+        """Let the laser run for 5 s from now on; return why it failed, or an empty text."""
+        raise NotImplementedError
+
+    @property
+    def has_scan_readers(self) -> bool:
+        """Return whether anybody subscribes to the scans."""
+        return self._scans.get_subscription_count() > 0
+
+    def publish_scan(self, data: bytes) -> None:
+        """Publish a serialized LaserScan message."""
+        self._scans.publish(data)
+
     def publish_battery(self, charge: float) -> None:
         """Publish the charge of the battery, from 0 to 1."""
         self._battery.publish(float64(100.0 * charge))
@@ -250,5 +277,12 @@ class BridgedRobot:
     def _on_set_enabled(
             self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         response.message = self.set_manual_control(request.data)
+        response.success = not response.message
+        return response
+
+    def _on_activate(
+            self, request: Trigger.Request, response: Trigger.Response,  # noqa: ARG002
+            ) -> Trigger.Response:
+        response.message = self.activate_laser()
         response.success = not response.message
         return response

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 import contextlib
+import os
 import subprocess
 import sys
 import tempfile
@@ -25,6 +26,7 @@ import time
 from typing import ClassVar, TYPE_CHECKING
 
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError, UsageError
+from kachaka_simple_control.files.document import is_path
 from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
 from kachaka_simple_control.process import processes
 from kachaka_simple_control.process.exit_codes import NO_ROBOT
@@ -222,18 +224,46 @@ class BridgeProcess:
                     sys.stderr.flush()
 
 
+def require_floor(floor: str | os.PathLike[str] | None, sim: bool) -> None:
+    """
+    Check the floor that a program wants for its simulated robots; None is an empty one.
+
+    :raises FloorFileError: if it cannot be read; a line for each problem
+    :raises UsageError: if there are no simulated robots
+    """
+    if floor is None:
+        return
+    if not sim:
+        raise UsageError('floor= is about simulated robots: it needs sim=True')
+    from kachaka_simple_control.files.floor_file import find_floor
+    find_floor(floor)
+
+
+def floor_option(floor: str | os.PathLike[str] | None) -> list[str]:
+    """Return the option of the bridge for a floor; none for an empty one."""
+    if floor is None:
+        return []
+    path = os.fspath(floor)
+    # A path object without a slash is a file, too; as a text it would be a name.
+    is_name = isinstance(floor, str) or is_path(path)
+    return [f'--floor={path if is_name else f"./{path}"}']
+
+
 class OwnSimulation:
     """
     A simulated Kachaka that a node starts for itself.
 
     :param profile: that of the robot that the node drives; it must be a Kachaka
+    :param floor: the name or the file of its floor; None for an empty floor
     :raises UsageError: if it is not, or an earlier node of this process has one in this namespace
     """
 
     #: the namespaces of all simulated robots that nodes of this process run now
     _running: ClassVar[set[str]] = set()
 
-    def __init__(self, profile: RobotProfile, namespace: str) -> None:
+    def __init__(
+            self, profile: RobotProfile, namespace: str,
+            floor: str | os.PathLike[str] | None = None) -> None:
         if not profile.is_kachaka:
             raise UsageError(f'sim=True starts a simulated kachaka, not a {profile.name}')
         if namespace in self._running:
@@ -242,7 +272,8 @@ class OwnSimulation:
                 'destroy_node() first, or choose another robot_namespace')
         self._running.add(namespace)
         self._namespace = namespace
-        self._bridge = BridgeProcess(['--sim', '--namespace', namespace])
+        self._bridge = BridgeProcess(
+            ['--sim', '--namespace', namespace, *floor_option(floor)])
         #: returns the identifier of the robot's DDS participant, for ``Session.require_robot()``
         self.require_participant = self._bridge.require_participant
 

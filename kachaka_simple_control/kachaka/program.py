@@ -24,13 +24,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 import errno
 import sys
+from typing import TYPE_CHECKING
 
 from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.files.document import FileError
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.units import parse_number, UnitError
-from kachaka_simple_control.process.exit_codes import DONE
+from kachaka_simple_control.process.exit_codes import BAD_USAGE, DONE
 from kachaka_simple_control.process.signals import ShutdownEvent
-from kachaka_simple_control.text import escaped, quoted
+from kachaka_simple_control.text import escaped, escaped_lines, quoted
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.files.floor_file import FloorFile
 
 #: The port of the robot's gRPC service (docs/GRPC.md in pf-robotics/kachaka-api).
 PORT = 26400
@@ -42,7 +47,9 @@ MAX_ADDRESS_LENGTH = 261
 SDK_MISSING = (
     'the SDK of the robot is missing here ({error}); install it with: '
     "pip install 'kachaka_simple_control[kachaka]' && pip install --no-deps kachaka-api")
-#: The names of all command line options of a simulated robot.
+#: The name of the value of the option ``--floor``.
+FLOOR = 'floor_file'
+#: The names of all command line options of a simulated robot, but for its floor.
 SIMULATION_NAMES = ('docked', 'seed', *(figure.name for figure in fields(SimulationParameters)))
 
 
@@ -135,6 +142,14 @@ def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> No
             help=f"{figure.metadata['help']} (default: {figure.default})")
 
 
+def add_floor_option(parser: argparse._ActionsContainer, robot: str) -> None:
+    """Add the option ``--floor`` of a simulated robot; its value has the name ``FLOOR``."""
+    parser.add_argument(
+        '--floor', dest=FLOOR, metavar='FILE',
+        help=f'what {robot} can touch and its laser sees: the path of a floor file, or the name '
+             'of a floor that comes with the package (default: an empty floor)')
+
+
 def add_parent_option(parser: argparse.ArgumentParser) -> None:
     """Add the option ``--with-parent``: end with standard input, so with the parent."""
     parser.add_argument(
@@ -146,6 +161,24 @@ def simulation_words(options: Mapping[str, object]) -> tuple[str, ...]:
     return tuple(
         option_of(name) + ('' if options[name] is True else f'={options[name]}')
         for name in SIMULATION_NAMES if options[name] is not None)
+
+
+def floor_words(options: Mapping[str, object]) -> tuple[str, ...]:
+    """Convert the parsed option ``--floor`` back to arguments: none if it was not given."""
+    file = options.get(FLOOR)
+    return () if file is None else (f'--floor={file}',)
+
+
+def find_option_floor(options: argparse.Namespace) -> FloorFile | None:
+    """
+    Read the floor of the option ``--floor``; None if it was not given.
+
+    :raises FloorFileError: if there is no such floor, or its file is invalid
+    """
+    if (file := getattr(options, FLOOR)) is None:
+        return None
+    from kachaka_simple_control.files.floor_file import find_floor
+    return find_floor(file)
 
 
 def simulation_parameters(
@@ -182,11 +215,16 @@ def run_until_shutdown(program: str, body: Callable[[ShutdownEvent], None]) -> i
     """
     Run the main function of a program, and return the exit code, also of an ``ExitError``.
 
+    An error about a file has a line for each problem.
+
     Signals only set the event that the main function gets and must wait for.
     """
     with ShutdownEvent() as shutdown:
         try:
             body(shutdown)
+        except FileError as error:
+            print(escaped_lines(error), file=sys.stderr)
+            return BAD_USAGE
         except ExitError as error:
             print(f"{program}: {escaped(' '.join(str(error).split()), 400)}", file=sys.stderr)
             return error.code

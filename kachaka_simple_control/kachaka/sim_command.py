@@ -25,16 +25,19 @@ import threading
 import time
 
 from kachaka_simple_control.kachaka.program import (
+    add_floor_option,
     add_parent_option,
     add_simulation_options,
     ExitError,
+    find_option_floor,
     listen_problem,
     PORT,
     run_until_shutdown,
     SDK_MISSING,
     simulation_parameters,
 )
-from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+from kachaka_simple_control.kachaka.simulator.contact import Contact
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka, USUAL_LASER
 from kachaka_simple_control.process.exit_codes import BAD_USAGE, FAULTED, OneLineParser
 from kachaka_simple_control.process.signals import ShutdownEvent
 from kachaka_simple_control.text import escaped, quoted
@@ -88,17 +91,27 @@ def _run(args: Sequence[str], shutdown: ShutdownEvent) -> None:
     add('--host', default='127.0.0.1',
         help='the address to listen at; 0.0.0.0: all of this machine (default: %(default)s)')
     add_simulation_options(parser, 'the robot')
+    add_floor_option(parser, 'the robot')
     add_parent_option(parser)
     options = parser.parse_args(args)
     parameters = simulation_parameters(parser, options)
+    file = find_option_floor(options)
     try:
         from kachaka_simple_control.kachaka.simulator.grpc_server import serving
     except (ImportError, RuntimeError) as error:
         raise ExitError(FAULTED, SDK_MISSING.format(error=error)) from None
-    robot = SimulatedKachaka(time.monotonic(), parameters, bool(options.docked), options.seed or 0)
+    robot = SimulatedKachaka(
+        time.monotonic(), parameters, bool(options.docked), options.seed or 0,
+        None if file is None else file.floor, file.laser if file else USUAL_LASER)
+
+    def on_contact(contact: Contact) -> None:
+        print(f'{PROGRAM}: {contact}', file=sys.stderr, flush=True)
+
     try:
-        with serving(robot, options.grpc_port, options.host) as server, power_button(
-                lambda: server.call(SimulatedKachaka.press_power_button)):
+        with serving(
+                robot, options.grpc_port, options.host, on_contact=on_contact,
+                ) as server, power_button(
+                    lambda: server.call(SimulatedKachaka.press_power_button)):
             print(f'ready: simulated Kachaka at {server.address}', flush=True)
             shutdown.wait(options.with_parent)
     except (OSError, UnicodeError) as error:

@@ -19,11 +19,13 @@ import math
 import threading
 import time
 
-from kachaka_simple_control.files.cdr import odometry
+from kachaka_simple_control.files.cdr import laser_scan, odometry
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.bridge_node import BridgedRobot, BridgeNode, pose_text
 from kachaka_simple_control.kachaka.robot_status import ERROR_NO_MANUAL_CONTROL, SUCCESS
+from kachaka_simple_control.kachaka.simulator.contact import Contact
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
+from kachaka_simple_control.kachaka.simulator.laser import LASER_FRAME
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import compose, ORIGIN, Pose, Velocity
 
@@ -31,6 +33,8 @@ from kachaka_simple_control.motion.geometry import compose, ORIGIN, Pose, Veloci
 BATTERY_PERIOD = 1.0
 #: The charge of the simulated robot's battery, which is always full.
 SIMULATED_CHARGE = 1.0
+#: How long the laser runs when it is activated [s], as the manufacturer's clients want it.
+ACTIVATION = 5.0
 #: If a node has more robots, the log does not say where they are in the end.
 MAX_PLACES = 10
 
@@ -58,6 +62,9 @@ class SimulatedRobot(BridgedRobot):
         #: whether the robot's pose was logged after manual control was last enabled
         self._is_place_logged = True
         self._frames = frame_prefix + ODOMETRY_FRAME, frame_prefix + ROBOT_FRAME
+        self._laser_frame = frame_prefix + LASER_FRAME
+        #: the contact that was logged; None before one
+        self._contact: Contact | None = None
         #: when the charge of the battery was last published [s, steady clock]
         self._battery_time = -math.inf
 
@@ -95,22 +102,41 @@ class SimulatedRobot(BridgedRobot):
             self._log_place(now)
         return '' if code == SUCCESS else f'error {code}'
 
+    def activate_laser(self) -> str:
+        """Let the laser run for 5 s from now on; return an empty text."""
+        with self._lock:
+            self._robot.activate_laser(ACTIVATION, time.monotonic())
+        return ''
+
     def update(self, now: float, stamp: int) -> None:
-        """Publish the odometry, for those who subscribe, and each second the battery's charge."""
+        """
+        Publish odometry and scans, for those who subscribe, and each second the battery's charge.
+
+        The contact of the robot with its floor is logged.
+        """
         # Update the robot even without a subscriber.  A robot with a lag integrates its path in
         # small steps.  After minutes without an update, the next velocity would have to wait for
         # all these steps.
         if now - self._battery_time >= BATTERY_PERIOD:
             self._battery_time = now
             self.publish_battery(SIMULATED_CHARGE)
+        has_scan_readers = self.has_scan_readers
         with self._lock:
             pose, velocity = self._robot.odometry(now)
+            contact = self._robot.contact(now)
+            scan = self._robot.take_scan(now) if has_scan_readers else None
+        if contact is not None and self._contact is None:
+            self._contact = contact
+            self.logger.error(str(contact))
         publishers = [
             publisher for publisher in self._odometry if publisher.get_subscription_count() > 0]
         if publishers:
             data = odometry(pose, velocity, stamp, *self._frames)
             for publisher in publishers:
                 publisher.publish(data)
+        if scan is not None:
+            self.publish_scan(laser_scan(
+                scan._replace(stamp=stamp), self._robot.laser.period, self._laser_frame))
 
     def _log_place(self, now: float) -> None:
         self._is_place_logged = True

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The schemas of motions, robots and fleets: what validates is what an editor shows."""
+"""The schemas of motions, robots, fleets and floors: what validates is what an editor shows."""
 
 from __future__ import annotations
 
@@ -43,6 +43,7 @@ def schema(path: str) -> dict[str, Any]:
 MOTION = schema('motions/motion.schema.json')
 ROBOT = schema('robots/robot.schema.json')
 FLEET = schema('fleets/fleet.schema.json')
+FLOOR = schema('floors/floor.schema.json')
 STEP = MOTION['definitions']['step']
 
 
@@ -54,7 +55,7 @@ def parts(node: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield from parts(inner)
 
 
-ALL = [part for whole in (MOTION, ROBOT, FLEET) for part in parts(whole)]
+ALL = [part for whole in (MOTION, ROBOT, FLEET, FLOOR) for part in parts(whole)]
 
 
 def test_each_part_has_a_description_and_a_text_for_errors():

@@ -72,6 +72,27 @@ def test_too_late_is_refused_before_a_robot_is_started(before, chosen, tmp_path)
     assert out == ''
 
 
+def test_it_has_the_floor_that_the_script_names(tmp_path):
+    """A wall that is touched after 6 cm."""
+    (tmp_path / 'floor.yaml').write_text('walls: [[[0.3 m, -1 m], [0.3 m, 1 m]]]')
+    code, _, err = run(
+        f'from pathlib import Path\nimport os\nos.chdir({str(tmp_path)!r})\n'
+        'robot = KachakaSimpleControl(sim=True, floor=Path("floor.yaml"))\n'
+        'robot.move_robot(0.1, 0.0, 1.0)\n', tmp_path)
+    assert code == 0, err
+    assert 'contact with a wall at x 0.06' in err
+
+
+@pytest.mark.parametrize('words, text', [
+    ('sim=True, floor="./gone.yaml"', './gone.yaml: there is no such file'),
+    ('floor="crossing"', 'floor= is about simulated robots: it needs sim=True')])
+def test_a_floor_that_cannot_be_used_is_one_line(words, text, tmp_path):
+    code, _, err = run(f'KachakaSimpleControl({words})', tmp_path)
+    assert code == 2
+    (line,) = err.splitlines()
+    assert text in line
+
+
 def test_it_brings_a_kachaka_along(tmp_path):
     code, out, err = run(
         'KachakaSimpleControl({"robot": "turtlebot3"}, sim=True).move_robot(0.1, 0.0, 1.0)',

@@ -110,6 +110,23 @@ def test_invalid_options_are_refused_in_one_line(arguments, words):
     assert [word for word in ['kachaka_sim: ', *words] if word not in line] == []
 
 
+def test_a_floor_has_a_line_for_each_error_and_a_contact_is_told(tmp_path):
+    kachaka_api = needs_sdk()
+    file = tmp_path / 'floor.yaml'
+    file.write_text('walls: [[[1 m, 0 m]]]\nposts: 1\n')
+    with program([*COMMAND, '--grpc-port', '0', '--floor', str(file)], tmp_path) as robot:
+        assert robot.end() == 2
+    assert [line.partition(': ')[0] for line in robot.text.splitlines()] == [
+        f'{file}:1', f'{file}:2']
+    file.write_text('walls: [[[0.25 m, -1 m], [0.25 m, 1 m]]]\n')
+    with program([*COMMAND, '--grpc-port', '0', '--floor', str(file)], tmp_path) as robot:
+        robot.wait_for_text('ready: ')
+        client = kachaka_api.KachakaApiClient(robot.text.split()[-1])
+        client.set_manual_control_enabled(True)
+        client.set_robot_velocity(0.2, 0.0)
+        robot.wait_for_text('kachaka_sim: contact with a wall at x 0.01')
+
+
 @pytest.mark.parametrize('name', ['grpc', 'kachaka_api', 'numpy'])
 def test_without_the_sdk_it_prints_how_to_install_it(name):
     needs_sdk()

@@ -26,6 +26,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from kachaka_simple_control.control.diagnosis import Level
+from kachaka_simple_control.files.cdr import laser_scan, Scan
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.bridge_node import BridgedRobot, BridgeNode, pose_text
 from kachaka_simple_control.kachaka.grpc_client.client import ConnectedRobot
@@ -35,8 +36,8 @@ from kachaka_simple_control.kachaka.grpc_client.robot_driver import (
     HEALTH_EXIT_TIMEOUT,
     HealthPoller,
     LogThread,
-    ODOMETRY_DEADLINE,
-    OdometryPoller,
+    READING_DEADLINE,
+    ReadingPoller,
     RobotDriver,
 )
 from kachaka_simple_control.kachaka.robot_status import connection_status, robot_status
@@ -48,6 +49,11 @@ from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
 
 BILLION = 1_000_000_000
+#: The frame of scans, from kachaka_description.
+LASER_FRAME = 'laser_frame'
+#: How long the laser runs when it is activated [s]: what the manufacturer's LaserScanActivator
+#: asks for, python/kachaka_api/util/vision.py.
+LASER_TIME = 5.0
 
 
 def odometry(source: Any, now: Time, frame_prefix: str) -> Odometry:
@@ -73,6 +79,20 @@ def odometry(source: Any, now: Time, frame_prefix: str) -> Odometry:
     return message
 
 
+def serialized_scan(source: Any, now: int, frame_prefix: str) -> bytes:
+    """
+    Convert a scan of the robot's SDK to a serialized ROS message.
+
+    :param now: the stamp of a scan without one [ns]
+    :param frame_prefix: a text before the frame name; no separator is added
+    """
+    stamp, frame = source.header.stamp_nsec, source.header.frame_id or LASER_FRAME
+    return laser_scan(
+        Scan(now if stamp <= 0 else stamp, source.angle_min, source.angle_increment,
+             source.range_min, source.range_max, source.ranges),
+        source.scan_time, frame_prefix + frame)
+
+
 def planar_pose(source: Any) -> Pose:
     """Return the planar pose in an odometry message of the robot's SDK."""
     position, rotation = source.pose.pose.position, source.pose.pose.orientation
@@ -90,8 +110,8 @@ class GrpcRobot(BridgedRobot):
     A real robot, controlled over gRPC, on the node of a bridge.
 
     One thread only receives velocities, one runs all other callbacks, further ones request
-    odometry and errors from the robot and publish them.  The pose is logged when manual control is
-    switched off and in ``close()``, if there is newer odometry.
+    odometry, scans and errors from the robot and publish them.  The pose is logged when manual
+    control is switched off and in ``close()``, if there is newer odometry.
 
     :param frame_prefix: a text before the frame names in odometry; no separator is added
     :param give_up: called with the reason if a motion is aborted
@@ -113,8 +133,12 @@ class GrpcRobot(BridgedRobot):
         self._newest: Any = None
         self._diagnostics = node.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
         self._pollers = [
-            self._odometry_poller(publisher, fetch)
-            for publisher, fetch in zip(self._odometry, (client.odometry, client.wheel_odometry))]
+            *(self._odometry_poller(publisher, fetch) for publisher, fetch in zip(
+                self._odometry, (client.odometry, client.wheel_odometry))),
+            ReadingPoller(
+                'scans', client.laser_scan, lambda: self.has_scan_readers, self._publish_scan,
+                # A robot may be there and have no scans.
+                lambda *_: None, takes_old=False)]
         self._health.poll()
         for poller in (self._health, *self._pollers):
             poller.start()
@@ -140,6 +164,11 @@ class GrpcRobot(BridgedRobot):
             self._log_pose()
         return '' if result.is_success else self._driver.describe(result) or 'no reason given'
 
+    def activate_laser(self) -> str:
+        """Let the laser run for LASER_TIME (5 s); return why it failed, or an empty text."""
+        result = self._robot.client.activate_laser(LASER_TIME, READING_DEADLINE)
+        return '' if result.is_success else self._driver.describe(result) or 'no reason given'
+
     def close(self) -> None:
         """
         Stop the robot if it may be moving, disconnect from it, and end all threads of the node.
@@ -153,7 +182,7 @@ class GrpcRobot(BridgedRobot):
         self._health.stop()
         self._health.join(HEALTH_EXIT_TIMEOUT)
         for poller in self._pollers:
-            poller.join(ODOMETRY_DEADLINE)
+            poller.join(READING_DEADLINE)
         self._log_pose()
         self._log_thread.close()
 
@@ -163,16 +192,21 @@ class GrpcRobot(BridgedRobot):
             self._log_thread.log(
                 Level.OK, pose_text(planar_pose(newest), 'by its newest odometry'))
 
-    def _odometry_poller(self, publisher: Publisher, fetch: Fetch) -> OdometryPoller:
-        def publish(source: Any) -> None:
+    def _odometry_poller(self, publisher: Publisher, fetch: Fetch) -> ReadingPoller:
+        def publish(response: Any) -> None:
+            source = response.odometry
             if publisher is self._odometry[0]:
                 self._newest = source
             now = self.node.get_clock().now().to_msg()
             publisher.publish(odometry(source, now, self._frame_prefix))
 
-        return OdometryPoller(
+        return ReadingPoller(
             publisher.topic_name, fetch, lambda: publisher.get_subscription_count() > 0, publish,
             self._driver.on_result)
+
+    def _publish_scan(self, response: Any) -> None:
+        self.publish_scan(serialized_scan(
+            response.scan, self.node.get_clock().now().nanoseconds, self._frame_prefix))
 
     def _publish_diagnostics(self) -> None:
         # Each status name starts with the namespace, which distinguishes several robots.

@@ -136,6 +136,22 @@ class RobotClient:
         """
         return _call(self._stub.GetRosWheelOdometry, _newer_than(cursor), deadline)
 
+    def laser_scan(self, cursor: int, deadline: float) -> tuple[RpcResult, Any]:
+        """
+        Wait until the robot has a laser scan that is newer than one with a cursor.
+
+        The laser runs while the robot moves, and after ``activate_laser``.
+
+        :param cursor: that of the last scan that the caller has received; 0 for the newest at once
+        :returns: the result, and a GetRosLaserScanResponse; None if the call failed
+        """
+        return _call(self._stub.GetRosLaserScan, _newer_than(cursor), deadline)
+
+    def activate_laser(self, duration: float, deadline: float) -> RpcResult:
+        """Let the laser run for a time [s], even if the robot stands."""
+        request = pb2.ActivateLaserScanRequest(duration_sec=duration)
+        return _call(self._stub.ActivateLaserScan, request, deadline)[0]
+
 
 def _newer_than(cursor: int) -> pb2.GetRequest:
     return pb2.GetRequest(metadata=pb2.Metadata(cursor=cursor))

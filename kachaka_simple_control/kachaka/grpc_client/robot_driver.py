@@ -308,32 +308,36 @@ class Poller(threading.Thread):
         self.is_over.set()
 
 
-#: The longest time for the robot to send newer odometry, and for the thread to end [s].
-ODOMETRY_DEADLINE = 1.0
-#: The shortest time between two calls for odometry [s].  It limits their rate if a robot ignores
+#: The longest time for the robot to send a newer reading, and for the thread to end [s].
+READING_DEADLINE = 1.0
+#: The shortest time between two calls for a reading [s].  It limits their rate if a robot ignores
 #: cursors.
-MIN_ODOMETRY_PERIOD = 0.01
-#: The period of checks while odometry has no subscriber, or the robot does not respond [s].
+MIN_READING_PERIOD = 0.01
+#: The period of checks while a reading has no subscriber, or the robot does not respond [s].
 IDLE_PERIOD = 0.1
 
 Fetch = Callable[[int, float], tuple[RpcResult, Any]]
 
 
-class OdometryPoller(Poller):
+class ReadingPoller(Poller):
     """
-    A thread that gets the robot's odometry over gRPC and publishes it.
+    A thread that gets a reading of the robot over gRPC, odometry or a scan, and publishes it.
 
-    :param fetch: waits for odometry newer than a cursor, for a time [s]; returns result and
+    :param fetch: waits for a reading newer than a cursor, for a time [s]; returns result and
         response
-    :param is_wanted: whether the topic has a subscriber; else no odometry is requested
+    :param is_wanted: whether the topic has a subscriber; else no reading is requested
+    :param publish: called with each response
     :param on_result: called with result and start time of each call, but for timeouts, which can
-        mean that there is no new odometry
+        mean that there is no new reading
+    :param takes_old: whether the first reading is published, which the robot may have had for long
     """
 
     def __init__(
             self, name: str, fetch: Fetch, is_wanted: Callable[[], bool],
-            publish: Callable[[Any], None], on_result: Callable[[RpcResult, float], None]) -> None:
+            publish: Callable[[Any], None], on_result: Callable[[RpcResult, float], None],
+            takes_old: bool = True) -> None:
         super().__init__(name)
+        self._takes_old = takes_old
         self._fetch = fetch
         self._is_wanted = is_wanted
         self._publish = publish
@@ -341,12 +345,12 @@ class OdometryPoller(Poller):
         self._cursor = 0
 
     def poll(self) -> float:
-        """Get and publish odometry once, if it is wanted; return how long to wait then [s]."""
+        """Get and publish a reading once, if it is wanted; return how long to wait then [s]."""
         if not self._is_wanted():
             self._cursor = 0
             return IDLE_PERIOD
         begun = time.monotonic()
-        result, response = self._fetch(self._cursor, ODOMETRY_DEADLINE)
+        result, response = self._fetch(self._cursor, READING_DEADLINE)
         if self.is_over.is_set():
             return 0.0
         if result.failure is not RpcFailure.LATE:
@@ -355,10 +359,11 @@ class OdometryPoller(Poller):
             self._cursor = 0
             return 0.0 if result.failure is RpcFailure.LATE else IDLE_PERIOD
         cursor = response.metadata.cursor
-        if cursor == 0 or cursor != self._cursor:
-            self._publish(response.odometry)
+        is_new = cursor != self._cursor and (self._takes_old or self._cursor != 0)
+        if cursor == 0 or is_new:
+            self._publish(response)
         self._cursor = cursor
-        return max(0.0, begun + MIN_ODOMETRY_PERIOD - time.monotonic())
+        return max(0.0, begun + MIN_READING_PERIOD - time.monotonic())
 
 
 #: The period of the polls for errors [s]: while the robot responds, and while the connection is

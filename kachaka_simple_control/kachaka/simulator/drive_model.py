@@ -24,6 +24,7 @@ from typing import Any
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.robot_profile import KACHAKA_TRACK
+from kachaka_simple_control.kachaka.simulator.contact import Contact, ContactFinder
 from kachaka_simple_control.motion.calibration import OdometryCalibration
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Velocity, ZERO
 
@@ -189,17 +190,25 @@ class DriveModel:
 
     It starts at rest at the origin.  ``now`` must not decrease from call to call.  The results
     depend only on the commands and the time, not on how often a method is called.
+
+    :param contacts: finds where it touches something: it stands still from then on; None for an
+        empty floor
+    :ivar contact: None before one
     """
 
-    def __init__(self, parameters: SimulationParameters, start: float, seed: int) -> None:
+    def __init__(
+            self, parameters: SimulationParameters, start: float, seed: int,
+            contacts: ContactFinder | None = None) -> None:
         self._parameters = parameters
         self._floor = parameters.floor
+        self._contacts = contacts
+        self.contact: Contact | None = None
         self._start = start
         self._seed = seed
         self._random = random.Random(seed)
         # The state is stored each time the drive begins to follow a command, and, unless the drive
-        # is ideal, once per millisecond of motion.  All later values are computed from the last
-        # stored state, so the number of calls does not change the results.
+        # is ideal on an empty floor, once per millisecond of motion.  All later values are
+        # computed from the last stored state, so the number of calls does not change the results.
         self._state = _State(start, ORIGIN, ORIGIN, ZERO)
         self._target = ZERO
         #: the commands that the drive does not follow yet, each with the time [s] at which the
@@ -207,9 +216,13 @@ class DriveModel:
         self._commands: deque[tuple[float, Velocity]] = deque()
         self._tick = 0
         self._noise = Velocity(1.0, 1.0)
+        #: when it came to rest last [s]; minus infinity: it has not moved yet
+        self._rest_since = -math.inf
 
     def set_target(self, target: Velocity, now: float) -> None:
         """Command a velocity, which the drive begins to follow after its dead time."""
+        if self.contact is not None:
+            return
         self._commands.append((now + self._parameters.dead_time, target))
         self._follow(now)
 
@@ -236,6 +249,12 @@ class DriveModel:
             pose.y + noise.gauss(0.0, parameters.odometry_noise),
             pose.theta + noise.gauss(0.0, parameters.heading_noise)), velocity
 
+    def last_motion(self, now: float) -> float:
+        """Return when it moved last: now, or when it came to rest [s]; minus infinity: not yet."""
+        self._follow(now)
+        self._advance(now)
+        return now if self._moves else self._rest_since
+
     def _query(self, now: float) -> tuple[_State, Velocity]:
         """Return the state of the model at a time, and the velocity in odometry."""
         self._follow(now)
@@ -248,8 +267,13 @@ class DriveModel:
         while self._commands and self._commands[0][0] <= now:
             time, target = self._commands.popleft()
             self._advance(time)
+            if self.contact is not None:
+                self._commands.clear()
+                return
             self._state = self._state_at(time)
-            self._target = target
+            was_moving, self._target = self._moves, target
+            if was_moving and not self._moves:
+                self._rest_since = time
 
     def _reported(self, linear: float, angular: float) -> Velocity:
         """Convert a velocity or a way of the drive to that in odometry: gains, noise, veer."""
@@ -266,19 +290,27 @@ class DriveModel:
     def _is_at_rest(self) -> bool:
         return self._target.is_zero and self._state.velocity.is_zero
 
+    @property
+    def _moves(self) -> bool:
+        # The stored velocity of an ideal drive is that before its last command.
+        return not (self._target.is_zero if self._parameters.is_ideal else self._is_at_rest)
+
     def _advance(self, now: float) -> None:
         """
         Compute the state in whole steps of 1 ms, up to less than 1 ms before the current time.
 
-        Nothing is computed for an ideal drive; at rest, only the time is stored.
+        Nothing is computed for an ideal drive on an empty floor; at rest, only the time is stored.
         """
-        if self._parameters.is_ideal:
+        if self._parameters.is_ideal and self._contacts is None:
             return
         while not self._is_at_rest and (next_time := self._grid_time(self._tick + 1)) <= now:
             self._state = self._state_at(next_time)
             self._tick += 1
             self._settle()
-            if not self._is_at_rest:
+            self._find_contact()
+            if self._is_at_rest:
+                self._rest_since = self._state.time
+            else:
                 self._draw_noise()
         if self._is_at_rest and now > self._state.time:
             self._tick = int((now - self._start) / GRID_PERIOD)
@@ -293,6 +325,12 @@ class DriveModel:
         fastest = max(abs(velocity.linear_x), abs(velocity.angular_z))
         if self._target.is_zero and fastest < STANDSTILL:
             self._state = replace(self._state, velocity=ZERO)
+
+    def _find_contact(self) -> None:
+        if self._contacts is not None:
+            self.contact = self._contacts.find(self._state.pose, self._state.time)
+            if self.contact is not None:
+                self._state, self._target = replace(self._state, velocity=ZERO), ZERO
 
     def _draw_noise(self) -> None:
         noise = self._parameters.velocity_noise

@@ -25,6 +25,7 @@ import math
 from typing import Any
 
 from kachaka_api.generated import kachaka_api_pb2 as pb2
+from kachaka_simple_control.files.cdr import Scan
 from kachaka_simple_control.kachaka.robot_status import (
     ERROR_NO_FURNITURE,
     ERROR_NOT_A_VELOCITY,
@@ -33,7 +34,9 @@ from kachaka_simple_control.kachaka.robot_status import (
     SUCCESS,
 )
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
+from kachaka_simple_control.kachaka.simulator.floor_map import floor_map, RESOLUTION
 from kachaka_simple_control.kachaka.simulator.grpc_state import SimulatorState
+from kachaka_simple_control.kachaka.simulator.laser import LASER_FRAME
 from kachaka_simple_control.kachaka.simulator.tasks import (
     Action,
     drive_straight,
@@ -43,6 +46,7 @@ from kachaka_simple_control.kachaka.simulator.tasks import (
     TaskResult,
     turn_in_place,
 )
+from kachaka_simple_control.motion.floor import Floor
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 
 
@@ -85,6 +89,46 @@ def transform(where: Pose, frame: str, child: str, stamp: int) -> pb2.RosTransfo
         translation=pb2.Vector3(x=where.x, y=where.y), rotation=rotation(where.theta))
 
 
+#: The frame of the IMU, from kachaka_description; and standard gravity [m/s^2].
+IMU_FRAME = 'imu_link'
+GRAVITY = 9.80665
+
+
+def imu(heading: float, velocity: Velocity, acceleration: float, stamp: int) -> pb2.RosImu:
+    """
+    Return the gRPC message of an inertial measurement unit without errors, on a level floor.
+
+    :param acceleration: forwards [m/s^2]
+    """
+    return pb2.RosImu(
+        header=pb2.RosHeader(stamp_nsec=stamp, frame_id=IMU_FRAME),
+        orientation=rotation(heading), orientation_covariance=[0.0] * 9,
+        angular_velocity=pb2.Vector3(z=velocity.angular_z),
+        angular_velocity_covariance=[0.0] * 9,
+        linear_acceleration=pb2.Vector3(
+            x=acceleration, y=velocity.linear_x * velocity.angular_z, z=GRAVITY),
+        linear_acceleration_covariance=[0.0] * 9)
+
+
+def laser_scan(scan: Scan, period: float, stamp: int) -> pb2.RosLaserScan:
+    """Return the gRPC message of a scan; the angles are those of linspace(min, max)."""
+    return pb2.RosLaserScan(
+        header=pb2.RosHeader(stamp_nsec=stamp, frame_id=LASER_FRAME),
+        angle_min=scan.angle, angle_max=scan.angle + scan.increment * (len(scan.ranges) - 1),
+        angle_increment=scan.increment, scan_time=period, range_min=scan.nearest,
+        range_max=scan.farthest, ranges=scan.ranges)
+
+
+def map_of(floor: Floor) -> pb2.Map:
+    """Return the gRPC message of the map of a floor; its origin is the lower left corner."""
+    picture = floor_map(floor)
+    return pb2.Map(
+        data=picture.png, name=MAP_NAME, resolution=RESOLUTION, width=picture.width,
+        height=picture.height, origin=pb2.Pose(x=picture.corner[0], y=picture.corner[1]))
+
+
+#: The name of the map.
+MAP_NAME = 'simulated'
 #: The duration of a speak command with any text [s].  The duration is assumed, not documented by
 #: the manufacturer.  The command makes no sound.
 SPEAK_DURATION = 1.0
@@ -223,7 +267,7 @@ def _locations(dock: pb2.Pose) -> Fields:
 
 #: The gRPC calls that read a value.  Each call waits until the value is newer than the client's
 #: value.  For each call: the name of the value, and a function that returns the message fields of
-#: the response for a value.  There are no shelves and no maps.
+#: the response for a value.  There are no shelves, and no maps but one.
 READINGS: dict[str, tuple[str, Callable[[Any], Fields]]] = {
     'GetAutoHomingEnabled': ('auto_homing', lambda enabled: {'enabled': enabled}),
     'GetBatteryInfo': ('docked', _battery),
@@ -238,11 +282,14 @@ READINGS: dict[str, tuple[str, Callable[[Any], Fields]]] = {
         pb2.LocationDigest(id=HOME, name=HOME, type=pb2.LOCATION_TYPE_CHARGER)]}),
     'GetManualControlEnabled': ('manual_control', lambda enabled: {'enabled': enabled}),
     'GetMapList': ('constant', lambda _: {}),
+    'GetPngMap': ('map', lambda floor: {'map': map_of(floor)}),
     'GetMovingShelfId': ('constant', lambda _: {}),
     # The estimated pose on the map.
     'GetRobotPose': ('pose', lambda pose: {'pose': pose}),
     'GetRobotSerialNumber': ('constant', lambda _: {'serial_number': SERIAL_NUMBER}),
     'GetRobotVersion': ('constant', lambda _: {'version': VERSION}),
+    'GetRosImu': ('imu', lambda imu: {'imu': imu}),
+    'GetRosLaserScan': ('scan', lambda scan: {'scan': scan}),
     'GetRosOdometry': ('odometry', lambda odometry: {'odometry': odometry}),
     # The same values as for GetRosOdometry; this is an assumption.
     'GetRosWheelOdometry': ('odometry', lambda odometry: {'odometry': odometry}),

@@ -28,6 +28,7 @@ from typing import TypeVar
 
 import grpc
 from kachaka_api.generated.kachaka_api_pb2_grpc import add_KachakaApiServicer_to_server
+from kachaka_simple_control.kachaka.simulator.contact import Contact
 from kachaka_simple_control.kachaka.simulator.grpc_services import SimulatedKachakaServicer
 from kachaka_simple_control.kachaka.simulator.grpc_state import Clock, SimulatorState
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
@@ -51,10 +52,13 @@ class GrpcServer:
     Create, start and stop it in the same asyncio event loop.
 
     :param robot: from now on, other code may use it only through ``call()``
+    :param on_contact: called once in the event loop, when it has touched something on its floor
     """
 
-    def __init__(self, robot: SimulatedKachaka, clock: Clock) -> None:
-        self.state = SimulatorState(robot, clock)
+    def __init__(
+            self, robot: SimulatedKachaka, clock: Clock,
+            on_contact: Callable[[Contact], None] = lambda _: None) -> None:
+        self.state = SimulatorState(robot, clock, on_contact)
         #: the address at which the server listens, as HOST:PORT
         self.address = ''
         self._server = grpc.aio.server(options=OPTIONS)
@@ -121,12 +125,14 @@ def _require_bindable(host: str, port: int) -> None:
 @contextlib.contextmanager
 def serving(
         robot: SimulatedKachaka, port: int = 0, host: str = LOOPBACK,
-        clock: Clock | None = None) -> Iterator[GrpcServer]:
+        clock: Clock | None = None,
+        on_contact: Callable[[Contact], None] = lambda _: None) -> Iterator[GrpcServer]:
     """
     Run a gRPC server for a simulated robot, in a new thread, during a ``with`` block.
 
     :param robot: its start time must come from ``clock``
     :param port: the TCP port; 0 for any free port
+    :param on_contact: called once, in that thread, when the robot has touched something
     :raises OSError: if the port cannot be bound
     """
     loop = asyncio.new_event_loop()
@@ -134,7 +140,7 @@ def serving(
     thread.start()
 
     async def start() -> GrpcServer:
-        server = GrpcServer(robot, clock or Clock())
+        server = GrpcServer(robot, clock or Clock(), on_contact)
         await server.start(host, port)
         return server
 

@@ -43,14 +43,16 @@ from kachaka_simple_control.kachaka.simulator.drive_model import (
     ROBOT_FRAME,
 )
 from kachaka_simple_control.kachaka.simulator.grpc_state import LongPollValue, SimulatorState
+from kachaka_simple_control.kachaka.simulator.laser import LASER_FRAME
+from kachaka_simple_control.motion.floor import Floor
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 
 MAP_FRAME = 'map'
 BODY_FRAME = 'base_link'
-LASER_FRAME = 'laser_frame'
 #: The pose of the laser in the frame ``base_link`` [m, rad], and the height of the laser [m], from
 #: kachaka_description in pf-robotics/kachaka-api.
 LASER, LASER_HEIGHT = Pose(0.156, 0.0, math.pi / 2.0), 0.1049
+EMPTY = Floor()
 #: The list of errors in the JSON format of the robot.  The format has texts in two languages; here
 #: both texts are English.
 ERRORS = json.dumps([
@@ -84,6 +86,9 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
         self.state = state
         self._volume = MAX_VOLUME // 2
         self._auto_homing = False
+        self._scan = pb2.RosLaserScan()
+        #: the last time and velocity that the IMU has seen
+        self._last_motion = state.now(), 0.0
         robot = state.robot
         #: the values that clients read, by name
         self.values: dict[str, LongPollValue[Any]] = {
@@ -93,11 +98,15 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
             'dock': LongPollValue(state, lambda _: grpc_messages.pose(robot.dock)),
             'docked': LongPollValue(state, robot.is_docked),
             'errors': LongPollValue(state, robot.errors),
+            # Updated every 20 ms; that of the real robot is not published.
+            'imu': LongPollValue(state, self._read_imu, ODOMETRY_PERIOD),
             'manual_control': LongPollValue(state, robot.manual_control),
+            'map': LongPollValue(state, lambda _: robot.floor or EMPTY),
             # Updated every 20 ms like the official bridge.
             'odometry': LongPollValue(state, self._read_odometry, ODOMETRY_PERIOD),
             'pose': LongPollValue(state, self._read_pose, ODOMETRY_PERIOD),
             'results': LongPollValue(state, robot.task_results),
+            'scan': LongPollValue(state, self._read_scan, robot.laser.period, may_pause=True),
             'task': LongPollValue(state, robot.task),
             'transforms': LongPollValue(state, self._read_transforms, ODOMETRY_PERIOD),
             'volume': LongPollValue(state, lambda _: self._volume)}
@@ -148,6 +157,11 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
     def SetBackTorchIntensity(self, request: pb2.SetBackTorchIntensityRequest) -> int:
         """Refuse a torch intensity that is not from 0 to 255, and do nothing else."""
         return _check(request.intensity, MAX_INTENSITY)
+
+    @_with_result
+    def ActivateLaserScan(self, request: pb2.ActivateLaserScanRequest) -> int:
+        """Let the laser turn for a time, also while the robot stands still."""
+        return self.state.robot.activate_laser(request.duration_sec, self.state.now())
 
     @_with_result
     def SetAutoHomingEnabled(self, request: pb2.SetAutoHomingEnabledRequest) -> int:
@@ -225,6 +239,21 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
     def _read_pose(self, now: float) -> pb2.Pose:
         pose, _ = self.state.robot.odometry(now)
         return grpc_messages.pose(self.state.map_to_odom.to_map(pose))
+
+    def _read_scan(self, now: float) -> pb2.RosLaserScan:
+        """Return the newest scan: the same as before while the laser is off, at first an empty."""
+        scan = self.state.robot.take_scan(now)
+        if scan is not None:
+            self._scan = grpc_messages.laser_scan(
+                scan, self.state.robot.laser.period, self.state.clock.stamp())
+        return self._scan
+
+    def _read_imu(self, now: float) -> pb2.RosImu:
+        """Return what an IMU measures; its acceleration is the mean since the last reading."""
+        pose, velocity = self.state.robot.state(now)
+        (last, speed), self._last_motion = self._last_motion, (now, velocity.linear_x)
+        acceleration = (velocity.linear_x - speed) / (now - last) if now > last else 0.0
+        return grpc_messages.imu(pose.theta, velocity, acceleration, self.state.clock.stamp())
 
     def _read_odometry(self, now: float) -> pb2.RosOdometry:
         pose, velocity = self.state.robot.odometry(now)

@@ -26,8 +26,12 @@ import math
 import time
 from typing import Generic, TypeVar
 
+from kachaka_simple_control.kachaka.simulator.contact import Contact
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import compose, ORIGIN, Pose, relative_to
+
+#: How often a robot that can touch something is looked at [s].
+CONTACT_PERIOD = 0.02
 
 
 class Clock:
@@ -80,11 +84,17 @@ class SimulatorState:
 
     All its code runs in one asyncio event loop.  Code that changes the robot calls ``notify()`` to
     wake the calls that wait; ``run()`` does so when the robot changes by itself.
+
+    :param on_contact: called once, when the robot has touched something on its floor
     """
 
-    def __init__(self, robot: SimulatedKachaka, clock: Clock) -> None:
+    def __init__(
+            self, robot: SimulatedKachaka, clock: Clock,
+            on_contact: Callable[[Contact], None] = lambda _: None) -> None:
         self.robot = robot
         self.clock = clock
+        self._on_contact = on_contact
+        self._looks_for_contact = robot.floor is not None
         self.map_to_odom = MapToOdom()
         self._changed = asyncio.Event()
         self._cursor = 0
@@ -116,10 +126,17 @@ class SimulatorState:
         """Wake all waiting calls when the robot changes by itself, until this is cancelled."""
         while True:
             change_time = self.robot.next_change(self.now())
-            await self.wait(change_time)
+            await self.wait(min(change_time, self.now() + CONTACT_PERIOD)
+                            if self._looks_for_contact else change_time)
+            self._look_for_contact()
             if self.now() >= change_time:
                 self.robot.state(self.now())
                 self.notify()
+
+    def _look_for_contact(self) -> None:
+        if self._looks_for_contact and (contact := self.robot.contact(self.now())) is not None:
+            self._looks_for_contact = False
+            self._on_contact(contact)
 
 
 T = TypeVar('T')
@@ -134,16 +151,20 @@ class LongPollValue(Generic[T]):
 
     :param read: returns the value at a time [s, steady clock]
     :param period: between two versions [s]; 0 if there is one only when the value has changed
+    :param may_pause: whether the same object, returned after a period, is no new version
     """
 
     def __init__(
-            self, state: SimulatorState, read: Callable[[float], T], period: float = 0.0) -> None:
+            self, state: SimulatorState, read: Callable[[float], T], period: float = 0.0,
+            may_pause: bool = False) -> None:
         self._state = state
         self._read = read
         self._period = period
+        self._may_pause = may_pause
         self._start = state.now()
         self._index = 0
-        self._refresh_at(state.now())
+        self._value: T
+        self._refresh_at(state.now(), is_first=True)
 
     async def get(self, cursor: int) -> tuple[int, T]:
         """
@@ -172,6 +193,8 @@ class LongPollValue(Generic[T]):
         elif self._read(now) != self._value:
             self._refresh_at(now)
 
-    def _refresh_at(self, now: float) -> None:
-        self._value = self._read(now)
-        self._cursor = self._state.new_cursor()
+    def _refresh_at(self, now: float, is_first: bool = False) -> None:
+        value = self._read(now)
+        if is_first or not (self._may_pause and value is self._value):
+            self._value = value
+            self._cursor = self._state.new_cursor()

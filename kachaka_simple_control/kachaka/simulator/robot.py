@@ -22,20 +22,25 @@ from __future__ import annotations
 from enum import Enum
 import math
 
+from kachaka_simple_control.files.cdr import Scan
+from kachaka_simple_control.files.floor_file import LaserParameters
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.robot_status import (
     ERROR_CANCELLED,
     ERROR_NO_MANUAL_CONTROL,
     ERROR_NOT_A_VELOCITY,
     ERROR_NOTHING_TO_DO,
+    ERROR_OUT_OF_RANGE,
     ERROR_PAUSED,
     SUCCESS,
 )
+from kachaka_simple_control.kachaka.simulator.contact import Contact, ContactFinder
 from kachaka_simple_control.kachaka.simulator.drive_model import (
     DriveModel,
     IDEAL,
     SimulationParameters,
 )
+from kachaka_simple_control.kachaka.simulator.laser import SimulatedLaser
 from kachaka_simple_control.kachaka.simulator.tasks import (
     Action,
     drive_straight,
@@ -44,7 +49,11 @@ from kachaka_simple_control.kachaka.simulator.tasks import (
     TaskQueue,
     TaskResult,
 )
-from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
+from kachaka_simple_control.motion.floor import Floor
+from kachaka_simple_control.motion.geometry import compose, ORIGIN, Pose, Velocity, ZERO
+
+#: A laser as it is if nobody says otherwise.
+USUAL_LASER = LaserParameters()
 
 
 class TimedState(Enum):
@@ -68,14 +77,26 @@ class SimulatedKachaka:
     one counts as the latest so far.  Methods that change the robot return 0 or an error code.  Not
     thread-safe.
 
+    :param start: when it starts, and its floor is set up [s]
     :param seed: of all random noise: the same calls at the same times return the same
+    :param floor: what it can touch, and its laser sees; None for an empty floor
+    :param place: where it starts on the floor
     """
 
     def __init__(
             self, start: float = 0.0, parameters: SimulationParameters = IDEAL,
-            docked: bool = False, seed: int = 0) -> None:
+            docked: bool = False, seed: int = 0, floor: Floor | None = None,
+            laser: LaserParameters = USUAL_LASER, place: Pose = ORIGIN) -> None:
+        assert KACHAKA.footprint is not None
+        assert KACHAKA.laser is not None
         self.parameters = parameters
-        self._drive = DriveModel(parameters, start, seed)
+        self.floor = floor
+        self.laser = laser
+        self._place = place
+        self._drive = DriveModel(
+            parameters, start, seed, None if floor is None else ContactFinder(
+                floor, KACHAKA.footprint, start, place))
+        self._laser = SimulatedLaser(laser, KACHAKA.laser.pose, floor or Floor(), start, seed)
         self._now = start
         self._is_docked = docked
         self._is_paused = False
@@ -88,8 +109,9 @@ class SimulatedKachaka:
         """
         Switch manual control on for 60 s, or switch it off.
 
-        On: all tasks are cancelled (assumed), and a docked robot leaves its dock.  Off: the robot
-        stops, unless it is just leaving its dock.
+        On: all tasks are cancelled (assumed), a docked robot leaves its dock, and, if it was off,
+        the laser turns as after a motion.  Off: the robot stops, unless it is just leaving its
+        dock.
 
         :returns: an error code if the robot is paused
         """
@@ -98,6 +120,8 @@ class SimulatedKachaka:
             return ERROR_PAUSED
         if enabled:
             self._drop_tasks(ERROR_CANCELLED, now)
+            if TimedState.MANUAL_CONTROL not in self._until:
+                self._laser.activate(self.laser.off_after, now)
             self._until[TimedState.MANUAL_CONTROL] = now + KACHAKA.manual_control_timeout
             self._leave_dock(now)
         elif TimedState.MANUAL_CONTROL in self._until:
@@ -236,6 +260,38 @@ class SimulatedKachaka:
     def odometry(self, now: float) -> tuple[Pose, Velocity]:
         """Return the pose and the velocity in the robot's odometry; the pose has random noise."""
         return self._drive.odometry_at(self._advance(now))
+
+    def contact(self, now: float) -> Contact | None:
+        """Return where the robot has touched something, after which it stands still; or None."""
+        self._drive.state_at(self._advance(now))
+        return self._drive.contact
+
+    def activate_laser(self, duration: float, now: float) -> int:
+        """
+        Let the laser turn for a time [s], also while the robot stands still.
+
+        :returns: an error code if the time is negative, infinite or NaN
+        """
+        if not 0.0 <= duration < math.inf:
+            return ERROR_OUT_OF_RANGE
+        self._laser.activate(duration, self._advance(now))
+        return SUCCESS
+
+    def is_scanning(self, now: float) -> bool:
+        """Return whether the laser turns; on the dock it does not."""
+        now = self._advance(now)
+        return not self._is_docked and self._laser.is_on(self._drive.last_motion(now), now)
+
+    def take_scan(self, now: float) -> Scan | None:
+        """
+        Take a scan, with the time [ns] as its stamp, if one is due and the laser turns; or None.
+
+        One is due in each period of the laser, for one caller.
+        """
+        now = self._advance(now)
+        if not (self._laser.is_due(now) and self.is_scanning(now)):
+            return None
+        return self._laser.scan(compose(self._place, self._drive.state_at(now)[0]), now)
 
     def _advance(self, now: float) -> float:
         """Simulate the robot until a time; return the latest time so far."""

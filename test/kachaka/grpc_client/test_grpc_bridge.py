@@ -140,6 +140,38 @@ def test_a_simulated_robot_and_its_bridge_tell_charge_and_errors(probe, namespac
     assert wait_until(lambda: publisher.publish(message) or info.errors == '21051 Paused')
 
 
+def test_scans_are_published_from_the_next_one_on_while_somebody_listens(probe, namespace, robot):
+    """And the laser runs for 5 s when it is asked to."""
+    with real_bridge(robot.address, '--namespace', namespace, '--frame-prefix', 'k1/'):
+        time.sleep(0.5)
+        assert robot.ask('scans') == 0
+        scans = probe.scans(namespace)
+        assert wait_until(lambda: robot.ask('scans') > 2)
+        assert scans == [], 'what it saw before the laser stopped'
+        answer = probe.activate_laser(namespace)
+        assert (answer.success, answer.message) == (True, '')
+        assert 3.0 < robot.ask('laser') <= 5.0
+        assert wait_until(lambda: len(scans) >= 5)
+        stamps = [scan.header.stamp.nanosec for scan in scans]
+        assert stamps == sorted(set(stamps)), 'each once'
+        assert scans[0].header.frame_id == 'k1/laser'
+        assert (scans[0].angle_min, scans[0].angle_max, scans[0].range_max) == (-1.0, 1.0, 8.0)
+        assert repr([*scans[0].ranges]) == '[0.5, inf, nan]'
+        robot.ask('refuse 21051')
+        answer = probe.activate_laser(namespace)
+        assert (answer.success, answer.message) == (False, 'error 21051')
+
+
+def test_a_simulated_robot_shows_its_scans_as_a_real_one_does(probe, namespace):
+    """It stands, so its laser runs when it is asked to."""
+    with SimulatedRobot() as simulated, real_bridge(
+            simulated.address, '--namespace', namespace):
+        scans = probe.scans(namespace)
+        assert probe.activate_laser(namespace).success
+        assert wait_until(lambda: len(scans) >= 3)
+        assert len(scans[0].ranges) > 100
+
+
 @pytest.mark.parametrize(('options', 'code', 'text'), [
     (('--address', '127.0.0.1:1'), 3, 'refuses connections: switch the Kachaka API on'),
     (('--address', 'no-such-robot.invalid'), 3, "there is no host 'no-such-robot.invalid'"),

@@ -26,7 +26,7 @@ from kachaka_simple_control.control.timing import CONNECTION_TIMEOUT
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import VelocityCommand
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import (
     LogThread,
-    OdometryPoller,
+    ReadingPoller,
     RobotDriver,
 )
 from kachaka_simple_control.kachaka.robot_status import (
@@ -224,7 +224,7 @@ class Response:
 
     def __init__(self, cursor):
         """Have a cursor."""
-        self.metadata, self.odometry = self, cursor
+        self.metadata = self
         self.cursor = cursor
 
 
@@ -237,8 +237,9 @@ def test_odometry_is_fetched_while_wanted_and_each_published_once():
         cursors.append(cursor)
         return responses.pop(0)
 
-    poller = OdometryPoller(
-        'feed', fetch, lambda: wanted[0], published.append, lambda *how: results.append(how[0]))
+    poller = ReadingPoller(
+        'feed', fetch, lambda: wanted[0], lambda response: published.append(response.cursor),
+        lambda *how: results.append(how[0]))
     assert poller.poll() > 0.0
     assert cursors == []
     wanted[0] = True
@@ -247,6 +248,24 @@ def test_odometry_is_fetched_while_wanted_and_each_published_once():
     assert published == [3, 4]
     assert results == [OK, OK, OK, GONE], 'nothing new is nothing wrong'
     assert pauses[0] > 0.0, 'a robot that ignores cursors is not asked without end'
+
+
+def test_a_reading_that_may_be_old_is_left_out_where_none_is_taken():
+    """What the laser saw before it stopped."""
+    responses = [*map(Response, (3, 3, 4)), None, *map(Response, (4, 5, 0))]
+    published = []
+
+    def fetch(cursor, deadline):
+        response = responses.pop(0)
+        return (LATE if response is None else OK), response
+
+    poller = ReadingPoller(
+        'scan', fetch, lambda: True, lambda response: published.append(response.cursor),
+        lambda *_: None, takes_old=False)
+    while responses:
+        poller.poll()
+    # Who has no cursors cannot say what is old.
+    assert published == [4, 5, 0]
 
 
 def test_log_thread_does_not_block_and_drops_repeats():

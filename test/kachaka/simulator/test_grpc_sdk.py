@@ -71,6 +71,10 @@ ANSWERS = {
     'update_resolver': None}
 #: What they answer that is looked at more closely.
 CHECKS = {
+    'get_png_map': lambda picture: picture.data.startswith(b'\x89PNG'),
+    'get_ros_imu': lambda imu: imu.header.frame_id == 'imu_link',
+    # The laser does not turn yet.
+    'get_ros_laser_scan': lambda scan: len(scan.ranges) == 0,
     'get_locations': lambda locations: [place.id for place in locations] == ['home'],
     'get_robot_error_code': lambda errors: errors[ERROR_PAUSED].error_type == 'Warn',
     'get_ros_odometry': lambda odometry: odometry.header.frame_id == 'odom',
