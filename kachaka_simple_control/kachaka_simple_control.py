@@ -33,10 +33,12 @@ from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.timing import MAX_LATENESS, rate_problem
 from kachaka_simple_control.errors import (
+    InvalidMotionError,
     RobotMovedError,
     UsageError,
 )
-from kachaka_simple_control.kachaka.bridge_process import OwnSimulation
+from kachaka_simple_control.files.watch_check import require_watchable, watch_errors
+from kachaka_simple_control.kachaka.bridge_process import OwnSimulation, require_floor
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan
@@ -78,7 +80,7 @@ class KachakaSimpleControl(DriveNode):
 
     def __init__(
             self, parameter_defaults: Mapping[str, Any] | None = None, *, sim: bool = False,
-            **node_options: Any) -> None:
+            floor: str | os.PathLike[str] | None = None, **node_options: Any) -> None:
         """
         Create the node, and call ``rclpy.init()`` if ROS is not initialized yet.
 
@@ -88,10 +90,13 @@ class KachakaSimpleControl(DriveNode):
             parameters, by parameter name
         :param sim: whether to start a simulated robot, which is visible only on this machine; when
             the node is closed, a table with the results of the drive is printed
-        :raises UsageError: if the value of a parameter, or a ROS name, is invalid, or a parameter
-            is among the options
+        :param floor: the name or the file of the floor of the simulated robot; None for an empty
+            floor
+        :raises UsageError: if the value of a parameter, a ROS name or the floor is invalid, or a
+            parameter is among the options
         """
         require_no_parameter(node_options)
+        require_floor(floor, sim)
         if sim:
             start_on_this_machine(self)
             parameter_defaults = {'summary': True, **(parameter_defaults or {})}
@@ -99,13 +104,13 @@ class KachakaSimpleControl(DriveNode):
         self._event_file: EventFile | None = None
         super().__init__(NAME, {'': parameter_defaults or {}}, **node_options)
         try:
-            self._add_parts(sim)
+            self._add_parts(sim, floor)
         except BaseException:
             self.destroy_node()
             raise
         self.log_start()
 
-    def _add_parts(self, sim: bool) -> None:
+    def _add_parts(self, sim: bool, floor: str | os.PathLike[str] | None) -> None:
         if type(self) is KachakaSimpleControl:  # another class may declare more of them
             warn_of_unknown(self, self.robots)
         self.robot = self.robots['']
@@ -114,7 +119,7 @@ class KachakaSimpleControl(DriveNode):
         self.publisher = self.robot.publisher
         if sim:
             self._simulation = OwnSimulation(
-                self.profile, self.node_parameters.robot_namespace)
+                self.profile, self.node_parameters.robot_namespace, floor)
             self.robot.discovery.require_participant(self._simulation.require_participant)
         if self.node_parameters.summary:
             self._event_file = EventFile()
@@ -132,17 +137,21 @@ class KachakaSimpleControl(DriveNode):
         :param linear_x: forward velocity [m/s], negative backwards
         :param angular_z: turning velocity [rad/s], positive to the left
         :param duration: the duration [s]
-        :raises InvalidMotionError: if a value is not finite or beyond the robot's limits; nothing
-            has moved
+        :raises InvalidMotionError: if a value is not finite or beyond the robot's limits, or the
+            parameter ``watch`` is set and the laser does not see where it drives; nothing has
+            moved
         :raises RobotNotFoundError: if no robot receives the velocities; nothing has moved
         :raises ControlError: if the movement could not be completed; the robot was stopped
         """
         step = Move(linear_x, angular_z, duration)
-        # Checked here, because the planner's error would name a step that the caller cannot know.
+        motion = Motion('move_robot', (step,))
+        # Checked here, because the errors of a motion name a step that the caller cannot know.
         self.profile.planning_limits.check(step.velocity)
+        if self.node_parameters.watch:
+            for error in watch_errors(motion, self.profile.watching_laser(), self.profile.name):
+                raise InvalidMotionError(f'{linear_x} m/s, {error.message}', name='linear_x')
         self.commander.drive({self.robot: DriveOrder.of(
-            Motion('move_robot', (step,)), self.profile.planning_limits,
-            self.node_parameters.rate)})
+            motion, self.profile.planning_limits, self.node_parameters.rate)})
         self.get_logger().info('Robot has stopped')
         self.get_logger().info(
             f'Movement completed: Forward={linear_x}, Rotation={angular_z}, '
@@ -156,7 +165,8 @@ class KachakaSimpleControl(DriveNode):
 
         If the parameter ``closed_loop`` is set, the velocities are corrected with odometry during
         the motion.  At the end of the motion, the heading is corrected with odometry, too.  If the
-        parameter ``corners`` is above 0, it replaces the motion's ``corners``.
+        parameter ``corners`` is above 0, it replaces the motion's ``corners``.  If the parameter
+        ``watch`` is set, the robot is held before obstacles on its planned path.
 
         Before the first drive, this method waits for the robot and enables its manual control.  If
         no drive follows at once, more zero velocities are sent, to make sure that the robot stops.
@@ -177,7 +187,8 @@ class KachakaSimpleControl(DriveNode):
             motion_file = self._find(motion)
             motion, rate = motion_file.motion, motion_file.rate if rate is None else rate
             limits = limits or motion_file.check(
-                self.profile.planning_limits, self.profile.name, self.node_parameters.closed_loop)
+                self.profile.planning_limits, self.profile.name, self.node_parameters.closed_loop,
+                self.profile.watching_laser() if self.node_parameters.watch else None)
         elif isinstance(motion, (list, tuple)):
             motion = Motion(motion)
         elif not isinstance(motion, Motion):
@@ -191,6 +202,8 @@ class KachakaSimpleControl(DriveNode):
         rate = self.node_parameters.rate if rate is None else require_number('rate', rate, 'Hz')
         if problem := rate_problem(rate, self.profile.command_timeout, self.profile.name):
             raise UsageError(f'rate is {problem}')
+        if self.node_parameters.watch:
+            require_watchable(motion, self.profile)
         if self.node_parameters.corners:
             motion = replace(motion, corners=self.node_parameters.corners)
         self.drive(DriveOrder.of(
@@ -224,10 +237,12 @@ class KachakaSimpleControl(DriveNode):
             raise motion_file.error_at('robot', (
                 f'{quoted(str(motion_file.robot), 60)}, and this node drives {self.profile.name}: '
                 'leave it out, or set the parameter robot'))
-        if motion_file.closed_loop not in (None, used.closed_loop):
-            raise motion_file.error_at('closed_loop', (
-                f'{str(motion_file.closed_loop).lower()}, and the parameter closed_loop is '
-                f'{str(used.closed_loop).lower()}: leave it out, or set the parameter'))
+        for name in ('closed_loop', 'watch'):
+            wanted, has = getattr(motion_file, name), getattr(used, name)
+            if wanted not in (None, has):
+                raise motion_file.error_at(name, (
+                    f'{str(wanted).lower()}, and the parameter {name} is {str(has).lower()}: '
+                    'leave it out, or set the parameter'))
         return motion_file
 
     def stop_robot(self) -> None:

@@ -30,8 +30,10 @@ from typing import Any, NoReturn
 from kachaka_simple_control.control.end_check import EndTolerance
 from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
 from kachaka_simple_control.kachaka.program import (
+    add_floor_option,
     add_simulation_options,
     address_argument,
+    floor_words,
     number_argument,
     SIMULATION_NAMES,
     simulation_parameters,
@@ -52,6 +54,10 @@ examples:
 #: Matches a time that a user typed after ``--wait`` by mistake, because ``--wait`` takes no value.
 TIME = re.compile(r'\d+(\.\d*)?(s|min)?|inf|forever')
 MAX_REPEATS = 1000
+#: What the option ``--watch`` does.
+WATCH_HELP = (
+    'hold before obstacles that the laser sees on the planned path, and go on when they are gone; '
+    'no safety device (default: what the motion says, or not)')
 PRECEDENCE = """
 what wins: an option or -p (they must not differ), then the motion's file, then the
 default of the parameter
@@ -66,6 +72,7 @@ class Options:
     :param motions: the names or files of motions; empty for the lesson
     :param robot: the name or file of the robot's profile
     :param closed_loop: whether odometry corrects the velocities
+    :param watch: whether the robot is held before obstacles
     :param corners: how far the robot may pass the corners between steps [m]
     :param within: how far from the plan the drive may end, as text
     :param speed: the initial speed as a fraction of the planned speed, up to 1
@@ -75,6 +82,7 @@ class Options:
     :param quiet: whether to print only the node's log lines while the robot drives
     :param address: of a real robot, for which to start a bridge
     :param simulation: the options of the simulated robot, as command line arguments
+    :param floor_file: the name or file of the floor of the simulated robot
     :param yes: whether to drive a real robot without asking the user
     :param calibrates: whether the drive is for a calibration: recorded, without a table
     """
@@ -84,6 +92,7 @@ class Options:
     robot: str | None = None
     rate: float | None = None
     closed_loop: bool | None = None
+    watch: bool | None = None
     corners: float | None = None
     within: str | None = None
     speed: float | None = None
@@ -97,6 +106,7 @@ class Options:
     repeat: int = 1
     quiet: bool = False
     simulation: tuple[str, ...] = ()
+    floor_file: str | None = None
     yes: bool = False
     pipe: bool = False
     console: bool = False
@@ -132,11 +142,13 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     """
     parser = _parser()
     if '_ARGCOMPLETE' in os.environ:
+        from kachaka_simple_control.files.floor_file import floors
         from kachaka_simple_control.files.library import library
         from kachaka_simple_control.files.robot_profile import robots
         complete(parser, {
             'motions': lambda prefix, **_: [*library(), *paths(prefix, '.yaml', '.yml')],
             'robot': lambda prefix, **_: [*robots(), *paths(prefix, '.yaml', '.yml')],
+            'floor_file': lambda prefix, **_: [*floors(), *paths(prefix, '.yaml', '.yml')],
             'plot': lambda prefix, **_: paths(prefix, '.png', '.svg', '.pdf'),
             'report': lambda prefix, **_: paths(prefix)})
     values = parse_values(parser, arguments)
@@ -200,8 +212,9 @@ def take_simulation(parser: OneLineParser, values: dict[str, Any]) -> None:
 
     :param values: of all options, by name; changed in place
     """
-    simulation = simulation_words(values)
-    if simulation and not values['sim']:
+    floor = floor_words(values)
+    simulation = (*simulation_words(values), *floor)
+    if simulation and not values['sim'] and not (values.get('plot') and simulation == floor):
         parser.error(f'{simulation[0].partition("=")[0]} is about the simulated robot of --sim')
     simulation_parameters(parser, argparse.Namespace(**values))
     for name in SIMULATION_NAMES:
@@ -235,9 +248,11 @@ def _parser() -> OneLineParser:
     add('--repeat', type=count_argument, default=1, metavar='N',
         help='drive so many times, with --report DIR into DIR/1, DIR/2, ..., for kachaka_compare')
     add_drive_options(parser)
+    add_floor_option(parser, 'the simulated robot of --sim')
     add('--closed-loop', action=argparse.BooleanOptionalAction,
         help='correct the velocities by odometry; needs a robot that kachaka_calibrate has '
              'measured (default: what the motion says, or not)')
+    add('--watch', action=argparse.BooleanOptionalAction, help=WATCH_HELP)
     add('--corners', type=tolerance, metavar='LENGTH',
         help='drive through corners without a stop, and pass each by this length at most, as in '
              '--corners 5cm; 0 stops at each (default: what the motion says, or 0)')

@@ -25,6 +25,7 @@ from kachaka_simple_control.commands.remote_reports import ReportWriter
 from kachaka_simple_control.errors import TORNADO_MISSING, UsageError
 from kachaka_simple_control.files import protocol
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
+from kachaka_simple_control.motion.floor import Floor
 from kachaka_simple_control.process.processes import child_environment, python_command
 
 CONSOLE = 'kachaka_simple_control.console.console_command'
@@ -40,12 +41,13 @@ class ConsoleBeside(RemoteCommands):
 
     :param robot: for the plans that the page shows; None for the default
     :param motion_text: the text of the motion file, whose plan the page draws; None without a file
+    :param floor: what stands on the floor of a simulated robot; None if unknown
     :raises UsageError: if tornado is missing, or if the console does not start
     """
 
     def __init__(
             self, robot_control: KachakaSimpleControl, robot: str | None,
-            motion_text: str | None) -> None:
+            motion_text: str | None, floor: Floor | None = None) -> None:
         if importlib.util.find_spec('tornado') is None:
             raise UsageError(TORNADO_MISSING)
         commands, for_console = os.pipe()
@@ -61,6 +63,7 @@ class ConsoleBeside(RemoteCommands):
             os.close(file)
         self._motion_text = motion_text
         super().__init__(robot_control, commands, ReportWriter(reports))
+        self._writer.floor = floor
 
     def __enter__(self) -> ConsoleBeside:
         """Wait for the address of the page, and log it."""

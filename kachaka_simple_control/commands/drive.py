@@ -36,6 +36,7 @@ from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.timing import SHUTDOWN_TIMEOUT
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.errors import RunFaultError, UsageError
+from kachaka_simple_control.files.floor_file import find_floor
 from kachaka_simple_control.files.library import find, lesson_motion
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.process.output import make_nonblocking, print_result, STDERR, STDOUT
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
     from kachaka_simple_control.control.drive_requests import DriveRequest
     from kachaka_simple_control.files.motion_file import MotionFile
     from kachaka_simple_control.motion.drive_order import DriveOrder
+    from kachaka_simple_control.motion.floor import Floor
     from kachaka_simple_control.ros.drive_node import DriveNode
 
 #: The function that each key calls, by the character of the key.
@@ -74,10 +76,13 @@ def drive(options: Options) -> DriveLog:
     :returns: empty if the drive was not recorded
     :raises ControlError: if the drive could not be completed; the robot was stopped
     :raises InvalidMotionError: if the robot cannot drive the motion; the robot has not moved
+    :raises FloorFileError: if the floor of the simulated robot cannot be read
     """
     reports = reports_to_stdout() if options.pipe else None
     make_nonblocking(STDOUT, STDERR)
     motion_file = _motion_file(options)
+    # Its errors, before the robot is started.
+    floor = None if options.floor_file is None else find_floor(options.floor_file).floor
     # The stack closes a bridge last, after the robot is stopped and released.
     with contextlib.ExitStack() as stack:
         if options.report is not None:
@@ -95,7 +100,7 @@ def drive(options: Options) -> DriveLog:
             # Printed when the bridge has ended and the report is written, also after a fault.
             stack.callback(_print_table, robot_control, subscribers)
         stack.enter_context(subscribers)
-        remote = _remote_control(stack, robot_control, reports, options)
+        remote = _remote_control(stack, robot_control, reports, options, floor)
         try:
             reporter = subscribers.required = _start_subscribers(
                 subscribers, options, motion_file is None,
@@ -103,7 +108,7 @@ def drive(options: Options) -> DriveLog:
             is_shown = not options.is_quiet and terminal.is_terminal(STDERR)
             keys = _keys(robot_control) if is_shown else {}
             _log_settings(robot_control, options, motion_file)
-            stack.enter_context(_console(robot_control, options, motion_file))
+            stack.enter_context(_console(robot_control, options, motion_file, floor))
             order = None if motion_file is None else order_of(
                 options, motion_file, robot_control.node_parameters, robot_control.profile)
             robot_control.event_bus.publish(session_started(
@@ -112,7 +117,7 @@ def drive(options: Options) -> DriveLog:
                 has_keys=bool(keys) and terminal.is_keyboard(),
                 movement_count=_count_movements() if motion_file is None else None,
                 motion_source='' if motion_file is None else motion_file.source,
-                motion_text=None if motion_file is None else motion_file.text))
+                motion_text=None if motion_file is None else motion_file.text, floor=floor))
             if factors := robot_control.speed.factors:
                 robot_control.event_bus.publish(
                     SpeedFactorChanged(time.monotonic(), dict(factors)))
@@ -178,10 +183,12 @@ def reports_to_stdout() -> ReportWriter:
 
 def _remote_control(
         stack: contextlib.ExitStack, robot_control: KachakaSimpleControl,
-        reports: ReportWriter | None, options: Options) -> RemoteControl | None:
+        reports: ReportWriter | None, options: Options,
+        floor: Floor | None) -> RemoteControl | None:
     """Return an object that drives as lines on standard input command; None without reports."""
     if reports is None:
         return None
+    reports.floor = floor
     from kachaka_simple_control.commands.remote_control import RemoteControl
     remote = RemoteControl(robot_control, STDIN, reports, partial(choose_settings, options))
     stack.callback(remote.finish)
@@ -190,13 +197,14 @@ def _remote_control(
 
 def _console(
         robot_control: KachakaSimpleControl, options: Options,
-        motion_file: MotionFile | None) -> contextlib.AbstractContextManager[object]:
+        motion_file: MotionFile | None,
+        floor: Floor | None) -> contextlib.AbstractContextManager[object]:
     """Return a context manager for the page beside the drive, if the options request one."""
     if not options.console:
         return contextlib.nullcontext()
     from kachaka_simple_control.commands.console_beside import ConsoleBeside
     return ConsoleBeside(
-        robot_control, options.robot, None if motion_file is None else motion_file.text)
+        robot_control, options.robot, None if motion_file is None else motion_file.text, floor)
 
 
 def _start_subscribers(
@@ -288,8 +296,8 @@ def _parameters(options: Options) -> list[Parameter]:
     # A calibration needs its rests, whatever a parameter file says.
     corners = 0.0 if options.calibrates else options.corners
     values = {'robot': options.robot, 'rate': options.rate, 'summary': summary,
-              'closed_loop': options.closed_loop, 'corners': corners, 'within': options.within,
-              'speed_factor': chosen_speed(options)}
+              'closed_loop': options.closed_loop, 'watch': options.watch, 'corners': corners,
+              'within': options.within, 'speed_factor': chosen_speed(options)}
     return [Parameter(name, value=value) for name, value in values.items() if value is not None]
 
 

@@ -47,7 +47,7 @@ def _run(options: FleetOptions) -> None:
     if options.plan:
         print_result(fleet_table(plan, terminal_columns()), 'the plan')
     if options.plot is not None:
-        _save_plot(options.plot, plan)
+        _save_plot(options.plot, plan, options.floor_file)
     if options.is_preview:
         return
     if not options.allow_near:
@@ -61,7 +61,7 @@ def _plan(options: FleetOptions) -> FleetPlan:
         file = dataclasses.replace(file, repeat=options.repeat)
     if options.on_fault is not None:
         file = dataclasses.replace(file, goes_on=options.on_fault == 'go_on')
-    return plan_fleet(file, options.speed or 1.0)
+    return plan_fleet(file, options.speed or 1.0, options.watch)
 
 
 def _listing() -> str:
@@ -71,11 +71,13 @@ def _listing() -> str:
         f'{file.name:{width}}  {len(file.robots):3} robots  {file.description}' for file in files)
 
 
-def _save_plot(path: str, plan: FleetPlan) -> None:
+def _save_plot(path: str, plan: FleetPlan, floor_file: str | None) -> None:
+    from kachaka_simple_control.files.floor_file import find_floor
     from kachaka_simple_control.report.fleet_plot import save_plot
     from kachaka_simple_control.report.output_file import check_plot_file
     check_plot_file(path)
-    save_plot(path, plan.view)
+    floor = None if floor_file is None else find_floor(floor_file).floor
+    save_plot(path, dataclasses.replace(plan.view, obstacles=floor))
 
 
 def _drive(options: FleetOptions, plan: FleetPlan) -> None:

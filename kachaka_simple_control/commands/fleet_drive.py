@@ -25,6 +25,7 @@ from kachaka_simple_control.control.events import FleetMember, FleetStarted, OVE
 from kachaka_simple_control.control.timing import SHUTDOWN_TIMEOUT
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.errors import RunFaultError
+from kachaka_simple_control.files.floor_file import find_floor
 from kachaka_simple_control.fleet.fleet import Fleet
 from kachaka_simple_control.fleet.fleet_plan import FleetPlan
 from kachaka_simple_control.fleet.start_time import start_time
@@ -42,6 +43,7 @@ import rclpy
 if TYPE_CHECKING:
     from kachaka_simple_control.commands.fleet_remote import FleetRemote
     from kachaka_simple_control.commands.remote_reports import ReportWriter
+    from kachaka_simple_control.motion.floor import Floor
 
 STDIN = 0
 
@@ -51,9 +53,12 @@ def drive(options: FleetOptions, plan: FleetPlan) -> None:
     Drive the robots of a fleet; with ``--wait`` or ``--pipe`` at each request.
 
     :raises ControlError: if a robot could not be driven; the robots were stopped
+    :raises FloorFileError: if the floor of the simulated robots cannot be read
     """
     reports = reports_to_stdout() if options.pipe else None
     make_nonblocking(STDOUT, STDERR)
+    # Its errors, before a robot is started.
+    floor = None if options.floor_file is None else find_floor(options.floor_file).floor
     with contextlib.ExitStack() as stack:
         if options.report is not None:
             stack.enter_context(output_file.prepare_report_dir(options.report))
@@ -69,6 +74,8 @@ def drive(options: FleetOptions, plan: FleetPlan) -> None:
         subscribers = subscriber_process.SubscriberProcesses(node.event_bus)
         stack.enter_context(subscribers)
         remote = _remote_control(stack, fleet, reports)
+        if reports is not None:
+            reports.floor = floor
         try:
             reporter = subscribers.required = _start_subscribers(subscribers, options, fleet)
             for line in without_effect(options.ros_arguments, node.get_fully_qualified_name()):
@@ -76,9 +83,9 @@ def drive(options: FleetOptions, plan: FleetPlan) -> None:
             is_shown = not (options.quiet or options.pipe) and terminal.is_terminal(STDERR)
             keys: Keys = {' ': commander.pause, 'r': commander.resume_when_confirmed} if (
                 is_shown) else {}
-            _publish_start(fleet, options, has_keys=bool(keys) and terminal.is_keyboard())
+            _publish_start(fleet, options, bool(keys) and terminal.is_keyboard(), floor)
             if options.sim:
-                fleet.simulate(stack)
+                fleet.simulate(stack, options.floor_file)
             else:
                 logger.info(
                     'Each robot is trusted to stand where the fleet says it starts')
@@ -117,7 +124,8 @@ def _start_subscribers(
         *(str(slot) for _, slot in shared), pass_fds=[file for file, _ in shared[:1]])
 
 
-def _publish_start(fleet: Fleet, options: FleetOptions, has_keys: bool) -> None:
+def _publish_start(
+        fleet: Fleet, options: FleetOptions, has_keys: bool, floor: Floor | None) -> None:
     """Publish the first events: what the fleet is, and each robot of it."""
     plan, node = fleet.plan, fleet.node
     node.event_bus.publish(FleetStarted(
@@ -132,7 +140,7 @@ def _publish_start(fleet: Fleet, options: FleetOptions, has_keys: bool) -> None:
             node, robot.order.motion.name, driven.settings, command=options.command,
             has_keys=has_keys, movement_count=plan.file.repeat,
             motion_source=robot.fleet_robot.motion_file.source,
-            motion_text=robot.fleet_robot.motion_file.text))
+            motion_text=robot.fleet_robot.motion_file.text, floor=floor))
 
 
 def _remote_control(

@@ -27,7 +27,9 @@ from kachaka_simple_control.commands.cli import (
     parse_values,
     paths,
     speed_argument,
+    WATCH_HELP,
 )
+from kachaka_simple_control.kachaka.program import add_floor_option
 from kachaka_simple_control.process.exit_codes import DONE, HELP, OneLineParser
 
 NAME = 'kachaka_fleet'
@@ -46,6 +48,8 @@ class FleetOptions:
 
     :param file: the name or the path of the fleet's file; empty with ``--list``
     :param speed: of all robots, as a part of the planned speed
+    :param watch: whether robots are held before obstacles
+    :param floor_file: the name or file of the floor of the simulated robots
     :param on_fault: ``stop_all`` or ``go_on``
     :param start_at: the time of day, or date and time, at which the robots begin, as text
     """
@@ -58,6 +62,8 @@ class FleetOptions:
     wait: bool = False
     repeat: int | None = None
     speed: float | None = None
+    watch: bool | None = None
+    floor_file: str | None = None
     on_fault: str | None = None
     allow_near: bool = False
     start_at: str | None = None
@@ -107,6 +113,8 @@ def _check_combination(parser: OneLineParser, options: FleetOptions) -> None:
             if getattr(options, name) != getattr(FleetOptions, name):
                 parser.error(f'--{name.replace("_", "-")} is about a drive; --list, --plan and '
                              '--plot drive nothing')
+    if options.floor_file is not None and not (options.sim or options.plot):
+        parser.error('--floor is about the simulated robots of --sim')
     if options.pipe and options.wait:
         parser.error('--pipe waits for commands already: leave out --wait')
     if options.start_at is not None and (options.wait or options.pipe):
@@ -129,12 +137,14 @@ def _parser() -> OneLineParser:
     add('--plot', metavar='FILE',
         help='draw what the robots will do on their floor, as .png, .svg or .pdf; likewise')
     add('--sim', action='store_true', help='start simulated robots, and drive them')
+    add_floor_option(parser, 'a simulated robot')
     add('--wait', action='store_true',
         help='stand by: Enter, or the service ~/run, starts the motions; ~/stop ends them')
     add('--repeat', type=count_argument, metavar='N',
         help='drive N times (default: what the file says, or 1)')
     add('--speed', type=speed_argument, metavar='PERCENT',
         help='drive all robots slower than planned, as in --speed 50%%, on the same paths')
+    add('--watch', action=argparse.BooleanOptionalAction, help=WATCH_HELP)
     add('--on-fault', choices=('stop_all', 'go_on'),
         help='what a fault of one robot does to the others (default: what the file says, or '
              'stop_all)')

@@ -28,7 +28,7 @@ import time
 
 from kachaka_simple_control.commands.fleet_reports import fleet_report, rounded
 from kachaka_simple_control.commands.remote_pipe import RemotePipe
-from kachaka_simple_control.commands.remote_reports import ReportWriter
+from kachaka_simple_control.commands.remote_reports import floor_map, ReportWriter, watch_report
 from kachaka_simple_control.control.events import (
     DriveState,
     Event,
@@ -36,8 +36,9 @@ from kachaka_simple_control.control.events import (
     RobotsApart,
     StateChanged,
 )
+from kachaka_simple_control.control.hold_text import describe_hold, HELD
 from kachaka_simple_control.control.robot_drive import DriveProgress, UNDER_WAY
-from kachaka_simple_control.control.speed_factor import is_hold, PAUSE, product
+from kachaka_simple_control.control.speed_factor import is_hold, OBSTACLE, PAUSE, product
 from kachaka_simple_control.control.timing import REMOTE_REST_TIMEOUT, REMOTE_SILENCE_TIMEOUT
 from kachaka_simple_control.errors import ControlError, MotionStoppedError
 from kachaka_simple_control.files import protocol
@@ -87,7 +88,7 @@ class FleetRemote(RemotePipe):
         """
         self._fleet.node.event_bus.subscribe_to_all(
             self._on_events, kinds=(RobotsApart, StateChanged))
-        self._writer.write(fleet_report(self._fleet.plan))
+        self._writer.write(fleet_report(self._fleet.plan, floor_map(self._writer.floor)))
         self._start_threads()
         try:
             self._ended.wait()
@@ -163,6 +164,10 @@ class FleetRemote(RemotePipe):
             if (text := _trouble(robot, drive, now))}
         plan_times = [drive.plan_time for drive in drives
                       if drive.plan_time is not None and not drive.is_over]
+        holder, held_by = next((
+            (drive, f'{robot.name}: {text}') for robot, drive in zip(self._robots, drives)
+            if is_hold(drive.factors.get(OBSTACLE, 1.0))
+            and (text := describe_hold(drive.state, drive.factors, drive.watch))), (None, None))
         reasons = [drive.ended_by for drive in drives if drive.ended_by is not None]
         return protocol.FleetState(
             self._whole_state(states), round=self._fleet.round or None,
@@ -170,7 +175,8 @@ class FleetRemote(RemotePipe):
             speed=self._speed(drives), apart=self._apart,
             reason=reasons[0] if reasons else None,
             is_still=None if None in are_still else all(are_still), states=tuple(states),
-            poses=tuple(map(self._pose, self._robots, drives, self._starts)), troubles=troubles)
+            poses=tuple(map(self._pose, self._robots, drives, self._starts)), troubles=troubles,
+            watch=None if holder is None else watch_report(holder.watch), held_by=held_by)
 
     def _last_state(self, reason: str | None) -> protocol.FleetState:
         return replace(self._state(), state='ended', reason=reason)
@@ -214,6 +220,8 @@ def _trouble(robot: Robot, drive: DriveProgress, now: float) -> str:
         return text if colon and name == robot.name else ''
     if drive.state not in UNDER_WAY:
         return ''
+    if held_by := describe_hold(drive.state, drive.factors, drive.watch):
+        return f'{HELD} {held_by}'
     holders = [name for name, factor in drive.factors.items() if is_hold(factor) and name != PAUSE]
     if holders:
         return f'held by: {", ".join(holders)}'

@@ -46,7 +46,7 @@ MOST_ROUNDS = 20
 SAME_PLACE = 1e-3
 
 
-def fleet_report(plan: FleetPlan) -> protocol.Fleet:
+def fleet_report(plan: FleetPlan, floor: protocol.FloorMap | None = None) -> protocol.Fleet:
     """Return the first report of a fleet, with paths in as many points as one line can have."""
     file = plan.file
     outlines: dict[tuple[protocol.Point, ...], int] = {}
@@ -60,7 +60,7 @@ def fleet_report(plan: FleetPlan) -> protocol.Fleet:
             None if corners is None else outlines.setdefault(corners, len(outlines))))
     report = protocol.Fleet(
         file.name, file.source, file.margin, file.repeat,
-        round(plan.duration, 3), tuple(outlines), tuple(robots))
+        round(plan.duration, 3), tuple(outlines), tuple(robots), floor)
     # Robots that drive the same have one order; to compare orders would take long.
     plans = {id(robot.order): robot.plan for robot in plan.robots}
     paths = {order: _path(driven, file.repeat) for order, driven in plans.items()}

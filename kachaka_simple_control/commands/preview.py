@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import sys
 
 from kachaka_simple_control.analysis.plan_view import PlanView
@@ -24,6 +25,7 @@ from kachaka_simple_control.commands.settings import (
     describe_overrides,
     order_of,
 )
+from kachaka_simple_control.files.floor_file import find_floor
 from kachaka_simple_control.files.library import find, library
 from kachaka_simple_control.files.robot_profile import find_robot, robots
 from kachaka_simple_control.process.output import print_result
@@ -38,7 +40,7 @@ def preview(options: Options) -> None:
     List the motions of the package, or print or plot the plans of motions.
 
     :raises InvalidMotionError: if a motion is invalid or not found
-    :raises UsageError: if an option is invalid, or the plot cannot be written
+    :raises UsageError: if an option or the floor is invalid, or the plot cannot be written
     :raises RunFaultError: if the text cannot be printed
     """
     option = '--plan' if options.plan else '--plot' if options.plot else '--list'
@@ -52,7 +54,8 @@ def preview(options: Options) -> None:
         if options.plan:
             print_result(plan_table(previews, terminal_columns()), 'the plan')
         if options.plot is not None:
-            save_plot(options.plot, previews)
+            floor = None if options.floor_file is None else find_floor(options.floor_file).floor
+            save_plot(options.plot, [replace(view, obstacles=floor) for view in previews])
 
 
 def _listing(options: Options) -> str:
@@ -65,9 +68,10 @@ def _listing(options: Options) -> str:
     lines = [f'{name:{width}}  {duration:>8}  {text}' for name, duration, text in rows]
     lines += ['', 'Robots, for --robot:']
     for name in robots():
-        limits = find_robot(name).limits
-        lines.append(f'{name:{width}}  {limits.max_linear_velocity:g} m/s, '
-                     f'{limits.max_angular_velocity:g} rad/s')
+        robot = find_robot(name)
+        laser = '' if robot.laser is None else ', a laser'
+        lines.append(f'{name:{width}}  {robot.limits.max_linear_velocity:g} m/s, '
+                     f'{robot.limits.max_angular_velocity:g} rad/s{laser}')
     return '\n'.join(lines)
 
 
@@ -87,4 +91,6 @@ def plan_view(name: str, options: Options) -> PlanView:
             print(line, file=sys.stderr)
     profile = settings.profile
     order = order_of(options, motion_file, settings, profile)
-    return PlanView(order.motion.name, profile.name, order.plan, order.limits, profile.footprint)
+    return PlanView(
+        order.motion.name, profile.name, order.plan, order.limits, profile.footprint,
+        profile.laser if settings.watch else None)

@@ -174,14 +174,17 @@ class RemoteControl(RemoteCommands):
             raise motion_file.error_at('robot', (
                 f'{quoted(motion_file.robot, 60)}, and this is {robot.profile.name}: leave it '
                 'out, or start with --robot'))
-        settings = self._choose(motion_file)
-        if settings.closed_loop != robot.node_parameters.closed_loop:
-            raise motion_file.error_at('closed_loop', (
-                f'{str(settings.closed_loop).lower()}, and this drive was started otherwise: '
-                'leave it out, or start with -p closed_loop:=true after --ros-args'))
-        corners = robot.node_parameters.corners or motion_file.motion.corners
+        settings, used = self._choose(motion_file), robot.node_parameters
+        for name in ('closed_loop', 'watch'):
+            wanted = getattr(settings, name)
+            if getattr(motion_file, name) is not None and wanted != getattr(used, name):
+                text = str(wanted).lower()
+                raise motion_file.error_at(name, (
+                    f'{text}, and this drive was started otherwise: leave it out, or start with '
+                    f'-p {name}:={text} after --ros-args'))
+        corners = used.corners or motion_file.motion.corners
         order = replace(motion_file, motion=replace(motion_file.motion, corners=corners)).order(
-            robot.profile, settings.rate, settings.closed_loop)
+            robot.profile, settings.rate, used.closed_loop, watch=used.watch)
         with self._lock:
             if self._stop_count != stop_count:
                 raise MotionRefusedError('a stop came after the command')
@@ -207,7 +210,9 @@ class RemoteControl(RemoteCommands):
         """
         hand = HandSource(
             self._robot_control.profile.planning_limits,
-            self._robot.drive.on_source_changed)
+            self._robot.drive.on_source_changed, cut=self._robot.cut)
+        if self._robot.watch is not None:
+            self._robot.watch.on_change = hand.cut_again
         with self._lock:
             if request is None:
                 if not self._is_taken:

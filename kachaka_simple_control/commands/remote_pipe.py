@@ -163,6 +163,7 @@ class RemotePipe:
                 with self._state_lock:
                     if not self._is_over:
                         self._writer.write(state)
+            self._writer.write_scan(now)
 
     def _is_under_way(self) -> bool:
         return any(progress.state in UNDER_WAY for progress in self._commander.states())

@@ -19,20 +19,46 @@ Tested by test/commands/test_remote_control.py.
 
 from __future__ import annotations
 
+from collections import deque
+import fcntl
+import math
 import os
 import select
+import struct
+import termios
 import threading
 import time
 from typing import Any, Literal
 
-from kachaka_simple_control.control.events import DriveState, Event, VelocityKind, VelocitySent
+from kachaka_simple_control.control.events import (
+    DriveState,
+    Event,
+    OdometryReceived,
+    ScanReceived,
+    VelocityKind,
+    VelocitySent,
+    WatchChanged,
+    WatchState,
+)
+from kachaka_simple_control.control.hold_text import describe_hold
 from kachaka_simple_control.control.robot_drive import DriveProgress, UNDER_WAY
 from kachaka_simple_control.control.speed_factor import product
 from kachaka_simple_control.control.timing import REMOTE_WRITE_TIMEOUT
 from kachaka_simple_control.files import protocol
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
+from kachaka_simple_control.motion.floor import Floor
 from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 from kachaka_simple_control.ros.robot import Robot
+
+#: How often a scan is written, and how many of its points at most.
+SCAN_PERIOD, MAX_SCAN_POINTS = 0.2, 180
+#: No scan is written while the reader has left so much unread [bytes]: some states.
+MAX_UNREAD = 4096
+WATCHES: dict[WatchState, protocol.WatchName] = {
+    WatchState.CLEAR: 'clear', WatchState.OBSTACLE: 'obstacle', WatchState.NO_SCAN: 'no scan',
+    WatchState.BLIND: 'blind'}
+#: How many poses are kept, to find that of a scan, which arrives later than it was taken.
+KEPT_POSES = 50
 
 
 class ReportWriter:
@@ -48,8 +74,15 @@ class ReportWriter:
         self._lock = threading.Lock()
         self._is_broken = False
         self.velocity = ZERO
+        #: what stands on the floor of simulated robots; None if unknown
+        self.floor: Floor | None = None
         #: the velocity that is sent by hand now, and since when [s on the steady clock]
         self._segment: tuple[Velocity, float] | None = None
+        #: the newest poses by odometry, with their times [s on the steady clock]
+        self._poses: deque[tuple[float, Pose]] = deque(maxlen=KEPT_POSES)
+        #: the newest scan that was not written yet, and when the last one was [s likewise]
+        self._scan: protocol.Scan | None = None
+        self._scan_written = -math.inf
 
     def write(self, report: protocol.Report) -> None:
         """Write a report; drop it without a reader, or with a NaN, which JSON does not have."""
@@ -59,10 +92,47 @@ class ReportWriter:
             return
         end = time.monotonic() + REMOTE_WRITE_TIMEOUT
         with self._lock:
-            while data and not self._is_broken and self._wait_until_writable(end):
-                data = data[self._write_part(data):]
-            # Nothing may follow a part of a line.
-            self._is_broken = self._is_broken or 0 < len(data) < len(line)
+            self._write_rest(line, data, end)
+
+    def _write_rest(self, line: bytes, data: bytes, end: float) -> None:
+        """Write what is left of a line, until a time [s on the steady clock]."""
+        while data and not self._is_broken and self._wait_until_writable(end):
+            data = data[self._write_part(data):]
+        # Nothing may follow a part of a line.
+        self._is_broken = self._is_broken or 0 < len(data) < len(line)
+
+    def write_scan(self, now: float) -> None:
+        """
+        Write the newest scan, at most one in SCAN_PERIOD (0.2 s).
+
+        It is dropped while another line is being written, or the reader does not keep up: no state
+        and no answer waits for it.
+        """
+        if self._scan is None or now - self._scan_written < SCAN_PERIOD:
+            return
+        scan, self._scan, self._scan_written = self._scan, None, now
+        try:
+            line = protocol.write_line(scan)
+        except protocol.MessageError:
+            return
+        if not self._lock.acquire(blocking=False):
+            return
+        try:
+            # A pipe takes so short a line as a whole, or nothing of it.
+            if not self._is_broken and len(line) <= select.PIPE_BUF and self._has_reader_read():
+                rest = line[self._write_part(line):]
+                if len(rest) < len(line):
+                    self._write_rest(line, rest, time.monotonic() + REMOTE_WRITE_TIMEOUT)
+        finally:
+            self._lock.release()
+
+    def _has_reader_read(self) -> bool:
+        """Return whether little is unread in the pipe."""
+        try:
+            data = fcntl.ioctl(self._file, termios.FIONREAD, bytes(4))
+        except OSError:  # it is no pipe
+            return True
+        return int(struct.unpack('i', data)[0]) <= MAX_UNREAD
 
     def _wait_until_writable(self, end: float) -> bool:
         left = max(0.0, end - time.monotonic())
@@ -89,9 +159,20 @@ class ReportWriter:
         self.write(protocol.Log(level, text))
 
     def on_event(self, event: Event) -> None:
-        """Record a sent velocity, and report each segment that was driven by hand."""
-        if not isinstance(event, VelocitySent):
-            return
+        """Record a velocity, a pose or a scan; report each segment that was driven by hand."""
+        match event:
+            case VelocitySent():
+                self._on_velocity(event)
+            case OdometryReceived():
+                self._poses.append((event.time, event.pose))
+            case ScanReceived():
+                pose = next(
+                    (pose for at, pose in reversed(self._poses) if at <= event.time), None)
+                points = event.points[::math.ceil(len(event.points) / MAX_SCAN_POINTS) or 1]
+                self._scan = protocol.Scan(
+                    _pose(pose), tuple((round(x, 2), round(y, 2)) for x, y in points))
+
+    def _on_velocity(self, event: VelocitySent) -> None:
         self.velocity = event.velocity
         velocity = event.velocity if event.kind is VelocityKind.HAND else None
         if self._segment is not None and velocity != self._segment[0]:
@@ -102,8 +183,7 @@ class ReportWriter:
         if velocity is not None and self._segment is None:
             self._segment = velocity, event.time
 
-    @staticmethod
-    def describe(robot_control: KachakaSimpleControl) -> dict[str, Any]:
+    def describe(self, robot_control: KachakaSimpleControl) -> dict[str, Any]:
         """Return the fields of the report ``robot``."""
         profile = robot_control.profile
         limits, footprint = profile.planning_limits, profile.footprint
@@ -113,7 +193,8 @@ class ReportWriter:
             'max_linear_velocity': limits.max_linear_velocity,
             'max_backward_velocity': limits.backward_velocity,
             'max_angular_velocity': limits.max_angular_velocity,
-            'footprint': None if footprint is None else tuple(footprint.corners())}
+            'footprint': None if footprint is None else tuple(footprint.corners()),
+            'floor': floor_map(self.floor)}
 
 
 def state_of(
@@ -143,7 +224,8 @@ def state_of(
         planned=_pose(progress.planned_pose),
         driven=_pose(robot.pose), velocity=(velocity.linear_x, velocity.angular_z),
         odometry_age=_rounded(age, 1), reason=reason,
-        is_still=robot.odometry.is_still(now))
+        is_still=robot.odometry.is_still(now), watch=watch_report(progress.watch),
+        held_by=describe_hold(progress.state, factors, progress.watch) or None)
 
 
 def _state_name(
@@ -161,6 +243,23 @@ def _state_name(
     if is_by_hand:
         return 'ready' if velocity.is_zero else 'driving by hand'
     return 'driving'
+
+
+def floor_map(floor: Floor | None) -> protocol.FloorMap | None:
+    """Return what stands on a floor, for a report; None if it is unknown."""
+    if floor is None:
+        return None
+    places = [(place, person.radius) for person in floor.people
+              for place in (person.at, person.to) if place is not None]
+    return protocol.FloorMap(
+        floor.walls, tuple((*post.at, post.radius) for post in floor.posts),
+        tuple((*place, radius) for place, radius in places))
+
+
+def watch_report(watch: WatchChanged | None) -> protocol.Watch | None:
+    """Return what an obstacle watch says, for a report; None without one."""
+    return None if watch is None else protocol.Watch(
+        WATCHES[watch.state], _rounded(watch.distance, 3), _rounded(watch.angle, 3))
 
 
 def _pose(pose: Pose | None) -> tuple[float, float, float] | None:

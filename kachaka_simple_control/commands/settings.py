@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Choose robot, rate, control and corners of a motion: option or ``-p``, file, default."""
+"""Choose robot, rate, control, watch and corners of a motion: option or ``-p``, file, default."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from kachaka_simple_control.motion.drive_order import DriveOrder
 
 #: The settings that an option, a ROS parameter (``-p``) or a motion's file can set.
-NAMES = ('robot', 'rate', 'closed_loop', 'corners')
+NAMES = ('robot', 'rate', 'closed_loop', 'watch', 'corners')
 #: The units of the settings that have one.
 UNITS = {'rate': 'Hz', 'corners': 'm'}
 
@@ -44,6 +44,7 @@ class Settings:
     """
     The robot, the message rate and the kind of control for which a motion is planned.
 
+    :param watch: whether the robot is held before obstacles
     :param corners: how far the robot may pass the corners between steps [m]; 0 to stop there
     """
 
@@ -52,21 +53,22 @@ class Settings:
     profile: RobotProfile
     closed_loop: bool = False
     corners: float = 0.0
+    watch: bool = False
 
 
 def choose_settings(options: Options, motion_file: MotionFile | None) -> Settings:
     """
-    Choose the robot, the message rate, the control and the corners of a motion.
+    Choose the robot, the message rate, the control, the watch and the corners of a motion.
 
     :param motion_file: None for the lesson
     :raises UsageError: if an option and a ROS parameter differ, a value is invalid, or the robot
-        does not support closed-loop control
+        does not support closed-loop control, or has no laser for a watch
     :raises MotionFileError: if the file's robot is unknown, or its rate is out of range
     """
     given = _given(options)
     values = {'robot': NodeParameters.robot, 'rate': NodeParameters.rate,
-              'closed_loop': NodeParameters.closed_loop, 'corners': NodeParameters.corners,
-              **in_file(motion_file), **given}
+              'closed_loop': NodeParameters.closed_loop, 'watch': NodeParameters.watch,
+              'corners': NodeParameters.corners, **in_file(motion_file), **given}
     robot, rate = str(values['robot']), require_number('rate', values['rate'], 'Hz')
     profile = _find_profile(robot, None if 'robot' in given else motion_file)
     if text := rate_problem(rate, profile.command_timeout, profile.name):
@@ -76,8 +78,11 @@ def choose_settings(options: Options, motion_file: MotionFile | None) -> Setting
     closed_loop = bool(values['closed_loop'])
     if closed_loop:
         profile.feedback_delay()
+    watch = bool(values['watch'])
+    if watch:
+        profile.watching_laser()
     corners = require_number('corners', values['corners'], 'm')
-    return Settings(robot, rate, profile, closed_loop, corners)
+    return Settings(robot, rate, profile, closed_loop, corners, watch)
 
 
 def _find_profile(robot: str, motion_file: MotionFile | None) -> RobotProfile:
@@ -103,12 +108,13 @@ def order_of(
 
     :param used: the settings that were chosen; with a node, those of its ROS parameters
     :raises MotionFileError: if the robot cannot drive it, in a closed loop with a share for
-        corrections; a line for each problem
+        corrections, or a step cannot be watched; a line for each problem
     """
     motion = replace(motion_file.motion, corners=used.corners)
     if _given(options).get('corners') == 0.0:
         motion = motion.with_stops()
-    return replace(motion_file, motion=motion).order(profile, used.rate, used.closed_loop)
+    return replace(motion_file, motion=motion).order(
+        profile, used.rate, used.closed_loop, watch=used.watch)
 
 
 def describe_overrides(
@@ -131,14 +137,14 @@ def describe_overrides(
 
 
 def in_file(motion_file: MotionFile | None) -> dict[str, object]:
-    """Return the values of robot, rate, closed_loop and corners that a motion's file contains."""
+    """Return the values of all these settings that a motion's file contains."""
     values = {name: getattr(motion_file, name, None) for name in NAMES}
     return {name: value for name, value in values.items() if value is not None}
 
 
 def _given(options: Options) -> dict[str, object]:
     """
-    Return the values of robot, rate, closed_loop and corners by option or ``-p``.
+    Return the values of all these settings by option or ``-p``.
 
     :raises UsageError: if an option and a ROS parameter differ, or a value is invalid
     """
@@ -196,7 +202,7 @@ def _boolean(name: str, text: str) -> bool:
 #: The functions that convert the text of a parameter to its value.
 _READERS: dict[str, Callable[[str, str], object]] = {
     'robot': lambda _, text: text, 'rate': _number, 'closed_loop': _boolean,
-    'corners': _tolerance}
+    'watch': _boolean, 'corners': _tolerance}
 
 
 def _option(name: str, value: object) -> str:

@@ -22,9 +22,10 @@ from typing import Protocol
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
-from kachaka_simple_control.control.speed_factor import MOVED, OVERRIDE, SpeedFactor
+from kachaka_simple_control.control.scan_watch import ScanWatch
+from kachaka_simple_control.control.speed_factor import MOVED, OVERRIDE, PAUSE, SpeedFactor
 from kachaka_simple_control.control.standstill import PausePose, StandstillDetector
-from kachaka_simple_control.control.tick_scheduler import Tick
+from kachaka_simple_control.control.tick import Tick
 from kachaka_simple_control.control.timing import (
     FEEDBACK_TIMEOUT,
     GRAPH_CHECK_PERIOD,
@@ -206,6 +207,8 @@ class DriveMonitor:
         self.on_kept_hold: Callable[[str], object] = lambda _: None
         #: calls a function that may wait for DDS; a ``RobotDrive`` sets its velocity gate's
         self.wait_for_dds: Callable[[Callable[[], None]], None] = lambda ask: ask()
+        #: holds the robot before obstacles; None without
+        self.watch: ScanWatch | None = None
         #: how far the robot was moved from outside while it was held
         self.pause_pose = PausePose()
         self._checked = float('-inf')
@@ -238,12 +241,15 @@ class DriveMonitor:
         """
         return tick.velocity if self._feedback is None else self._feedback.correct(tick, now)
 
-    def on_sent(self, now: float, rest: float) -> None:
+    def on_sent(self, now: float, rest: float, plan_time: float | None = None) -> None:
         """
         Record how long the robot stays at rest; call this after each velocity.
 
         :param rest: 0 while it moves, infinite while a speed factor of 0 holds it [s]
+        :param plan_time: the point in the plan [s]; None without a plan
         """
+        if self.watch is not None:
+            self.watch.watch.on_sent(now, plan_time)
         is_held = rest == math.inf
         if not is_held:
             self._held_since, self._is_released = None, False
@@ -314,14 +320,21 @@ class DriveMonitor:
             if age > (self._odometry_timeout or FEEDBACK_TIMEOUT):
                 raise RunFaultError(
                     f'odometry has had nothing new for {age:.1f} s: a closed loop needs it')
-        if self._held_since is not None and now - self._held_since > self._pause_timeout:
+        if now - self._graph_counted >= self._count_period:
+            self.wait_for_dds(partial(self.check_graph, now))
+        if self.watch is not None:
+            self.watch.poll(now, is_at_rest=(
+                now < self._rest_end and PAUSE not in self._speed_factor.factors))
+        self._check_hold(now)
+
+    def _check_hold(self, now: float) -> None:
+        if self._held_since is None:
+            return
+        if now - self._held_since > self._pause_timeout:
             raise PauseTimeoutError(
                 f'paused for {self._pause_timeout:g} s (parameter pause_timeout): the motion was '
                 'ended, and the robot released')
-        if now - self._graph_counted >= self._count_period:
-            self.wait_for_dds(partial(self.check_graph, now))
-        if self._held_since is not None and not (
-                self._is_released or self._speed_factor.is_hold):
+        if not (self._is_released or self._speed_factor.is_hold):
             self.wait_for_dds(partial(self._release, now))
 
     def _release(self, now: float) -> None:

@@ -28,7 +28,8 @@ from functools import cached_property
 from typing import get_args, NamedTuple
 
 from kachaka_simple_control.control.speed_factor import product
-from kachaka_simple_control.motion.geometry import Footprint, Pose, Velocity, ZERO
+from kachaka_simple_control.motion.floor import Floor
+from kachaka_simple_control.motion.geometry import Footprint, Point, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Motion
@@ -83,6 +84,8 @@ class SessionStarted:
     :param motion_source: the path of the motion file; empty if the motion is not from a file
     :param motion_text: the text of the motion file; None if the motion is not from a file
     :param movement_count: how many motions the program will drive; None if unknown
+    :param floor: what stands on the floor of a simulated robot, in the frame in which it starts;
+        None if unknown
     """
 
     title: str
@@ -102,6 +105,7 @@ class SessionStarted:
     motion_text: str | None = None
     movement_count: int | None = None
     has_keys: bool = False
+    floor: Floor | None = None
 
 
 @dataclass(frozen=True)
@@ -267,6 +271,47 @@ class SpeedFactorChanged:
         return product(self.factors)
 
 
+class WatchState(Enum):
+    """What the obstacle watch of a robot says; the value is the word that is shown."""
+
+    CLEAR = 'clear'
+    #: held: something is on the planned path
+    OBSTACLE = 'obstacle'
+    #: held: no scan that counts has come for too long
+    NO_SCAN = 'no scan'
+    #: somebody has resumed without a scan: it goes on slowly until one comes
+    BLIND = 'blind'
+
+
+@dataclass(frozen=True, slots=True)
+class WatchChanged:
+    """
+    The obstacle watch has changed its state, or an obstacle is at another distance now.
+
+    :param distance: how far the robot can still drive on its planned path before it touches what
+        was seen [m], never negative; None without an obstacle
+    :param angle: how far it can still turn on this way [rad], never negative; None without one
+    """
+
+    time: float
+    state: WatchState
+    distance: float | None = None
+    angle: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ScanReceived:
+    """
+    A scan of the laser has come; only for an obstacle watch.
+
+    :param time: when it was taken
+    :param points: what it has seen, in the frame of the robot: x ahead, y to the left [m]
+    """
+
+    time: float
+    points: tuple[Point, ...]
+
+
 @dataclass(frozen=True, slots=True)
 class OdometryReceived:
     """
@@ -332,12 +377,13 @@ class SessionEnded:
 
 Event = (SessionStarted | MotionPlanned | MotionStarted | VelocitySent | SpeedFactorChanged
          | OdometryReceived | StateChanged | StopConfirmed | MotionEnded | SessionEnded
-         | ProgressMade | FleetStarted | RobotsApart)
+         | ProgressMade | FleetStarted | RobotsApart | WatchChanged | ScanReceived)
 EventHandler = Callable[[Event], None]
 #: Everything that happened, as a record needs it.
 DETAILED: frozenset[type] = frozenset(get_args(Event)) - {ProgressMade}
 #: What happens a few times a second at most, as a display of many robots needs it.
-OVERVIEW: frozenset[type] = frozenset(get_args(Event)) - {VelocitySent, OdometryReceived}
+OVERVIEW: frozenset[type] = frozenset(get_args(Event)) - {
+    VelocitySent, OdometryReceived, ScanReceived}
 
 
 class RobotEvent(NamedTuple):

@@ -21,7 +21,7 @@ import threading
 
 from kachaka_simple_control.control.events import VelocityKind
 from kachaka_simple_control.control.speed_factor import is_hold
-from kachaka_simple_control.control.tick_scheduler import Tick
+from kachaka_simple_control.control.tick import Tick
 from kachaka_simple_control.control.timing import HAND_LEASE_TIME, HAND_PERIOD
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
@@ -47,6 +47,7 @@ class HandSource:
     jerk, for the linear and the angular part separately.
 
     :param on_change: called when a velocity must be sent at once
+    :param cut: returns the part of a wanted velocity that an obstacle watch allows
     :param clock: the clock of the stamps [s]; it must also count while the machine is suspended
     """
 
@@ -56,8 +57,12 @@ class HandSource:
 
     def __init__(
             self, limits: Limits, on_change: Callable[[], None] = lambda: None,
-            clock: Callable[[], float] = boottime) -> None:
+            clock: Callable[[], float] = boottime,
+            cut: Callable[[Velocity], Velocity] = lambda velocity: velocity) -> None:
         self._limits = limits
+        self._cut = cut
+        #: what the sender has commanded last
+        self._commanded = ZERO
         self._on_change = on_change
         self._clock = clock
         self._lock = threading.Lock()
@@ -86,13 +91,27 @@ class HandSource:
         :raises InvalidMotionError: if the velocity is beyond the limits
         """
         self._limits.check(velocity)
+        allowed = self._cut(velocity)
         with self._lock:
             self._check(velocity, sequence, stamp)
-            was_zero, self._wanted = self._wanted.is_zero, velocity
+            was_zero, self._wanted = self._wanted.is_zero, allowed
+            self._commanded = velocity
             self._sequence, self._newest_stamp = sequence, stamp
             if velocity.is_zero:
                 self._needs_neutral = False
-        if velocity.is_zero and not was_zero:
+        if allowed.is_zero and not was_zero:
+            self._on_change()
+
+    def cut_again(self) -> None:
+        """Apply ``cut`` to the newest command again, because something else was seen."""
+        commanded = self._commanded
+        allowed = self._cut(commanded)
+        with self._lock:
+            # Not after a stop or another command, nor when the command has run out.
+            if commanded is not self._commanded or self._needs_neutral:
+                return
+            was_zero, self._wanted = self._wanted.is_zero, allowed
+        if allowed.is_zero and not was_zero:
             self._on_change()
 
     def stop(self) -> None:

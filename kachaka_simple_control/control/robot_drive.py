@@ -29,9 +29,11 @@ from kachaka_simple_control.control.events import (
     SpeedFactorChanged,
     StateChanged,
     VelocityKind,
+    WatchChanged,
 )
 from kachaka_simple_control.control.speed_factor import is_hold, product, SpeedFactor
-from kachaka_simple_control.control.tick_scheduler import Tick, VelocitySource
+from kachaka_simple_control.control.tick import Tick
+from kachaka_simple_control.control.tick_scheduler import VelocitySource
 from kachaka_simple_control.control.timing import CHECK_PERIOD, max_gap
 from kachaka_simple_control.control.velocity_gate import Permit, VelocityGate
 from kachaka_simple_control.errors import ControlError
@@ -57,6 +59,7 @@ class DriveProgress:
     :param factors: the speed factors below 1, by the name of their source
     :param skipped: how many velocities in all drives were too late to be sent
     :param ended_by: why the drive ended early; None if it did not
+    :param watch: the newest of the obstacle watch; None without one
     """
 
     title: str = ''
@@ -71,6 +74,7 @@ class DriveProgress:
     is_over: bool = False
     ended_by: str | None = None
     state: DriveState = DriveState.READY
+    watch: WatchChanged | None = None
 
     @property
     def planned_pose(self) -> Pose | None:
@@ -228,7 +232,7 @@ class RobotDrive:
         sent = gate.send(permit, velocity, kind, tick.start, tick.plan_time, source.skipped)
         self._count(sent)
         self._show(sent, tick)
-        self.monitor.on_sent(sent, tick.rest if velocity.is_zero else 0.0)
+        self.monitor.on_sent(sent, tick.rest if velocity.is_zero else 0.0, tick.plan_time)
         self._due = tick.deadline
         # Above 80 Hz not each velocity needs a check: it takes as long as a third of a velocity.
         return min(permit.began + tick.deadline, self._checked + (
@@ -284,8 +288,10 @@ class RobotDrive:
     def progress(self) -> DriveProgress:
         """Return the progress of the newest drive, such as its plan and its planned pose."""
         tick = self._tick
+        watch = self.monitor.watch
         progress = replace(
-            self._progress, factors=self.speed_factor.factors, state=self._state)
+            self._progress, factors=self.speed_factor.factors, state=self._state,
+            watch=None if watch is None else watch.told)
         if progress.is_over or tick is None:
             return progress
         way, since = self._way

@@ -27,6 +27,8 @@ from kachaka_simple_control.errors import MotionRefusedError
 PAUSE = 'pause'
 #: Name of the factor that is 0 if a paused robot was moved: it holds the robot after a resume.
 MOVED = 'moved'
+#: Name of the factor of the obstacle watch: 0 while it holds the robot.
+OBSTACLE = 'obstacle'
 #: The smallest factor that a user may set; a user who wants 0 has to pause.  If the product of all
 #: factors is lower, the robot is held at rest.  The value is chosen, not measured.
 MIN_SPEED_FACTOR = 0.01

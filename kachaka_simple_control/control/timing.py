@@ -280,6 +280,29 @@ SHUTDOWN_RPC_TIMEOUT = 0.3
 #: If the robot has answered no request for this time, the connection is lost.  Chosen.
 CONNECTION_TIMEOUT = 1.0
 
+# --- Obstacle watch ------------------------------------------------------------------------------
+
+#: A robot is held if it has no scan that is newer than this.  Chosen: a laser of 10 Hz may miss
+#: three scans, and with the next message at 10 Hz the robot is held after 0.5 s.
+SCAN_TIMEOUT = 0.4
+#: How long the way must be free by all scans before a held robot goes on.  Chosen: a person who
+#: crosses it leaves it for a moment, too.
+CLEAR_TIME = 1.0
+#: How long a drive waits at its start for the first scan.  Chosen: a laser that was off takes some
+#: turns to run.
+SCAN_START_TIMEOUT = 3.0
+#: A robot of unknown delay is at most so far behind its velocities.  Chosen: more than twice that
+#: of any robot that was measured.
+UNKNOWN_DELAY = 0.5
+#: A person who resumes without a scan lets the robot drive at this factor, for this time at most,
+#: until a scan comes.  Chosen: slow, and long enough for a laser that starts with the motion.
+BLIND_SPEED, BLIND_TIME = 0.3, 5.0
+#: How often the laser of a robot at rest is asked to go on.  Source: the maker's own client does
+#: so, for 5 s each (``python/kachaka_api/util/vision.py``).
+LASER_PERIOD = 1.0
+#: A hold of this length is logged.  Chosen.
+LONG_HOLD = 60.0
+
 
 def max_gap(period: float | None, command_timeout: float) -> float:
     """

@@ -38,7 +38,8 @@ from kachaka_simple_control.files.document import (
     Schema,
     UnreadableFileError,
 )
-from kachaka_simple_control.files.robot_profile import RobotProfile
+from kachaka_simple_control.files.robot_profile import Laser, RobotProfile
+from kachaka_simple_control.files.watch_check import watch_errors
 from kachaka_simple_control.files.yaml_document import read_document, read_text
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, LIMIT_QUANTITIES, Limits
@@ -81,6 +82,8 @@ class MotionFile:
         :class:`~kachaka_simple_control.motion.limits.Limits`
     :param closed_loop: whether to use odometry to correct the velocities; None if the file does
         not say
+    :param watch: whether to hold before obstacles that the laser of the robot sees; None if the
+        file does not say
     :param corners: how far the robot may pass the corners between steps [m], as in ``motion``;
         None if the file does not say
     :param root: the values of the file, with their line numbers; None if the motion was not read
@@ -94,6 +97,7 @@ class MotionFile:
     limits: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), hash=False)
     rate: float | None = None
     closed_loop: bool | None = None
+    watch: bool | None = None
     corners: float | None = None
     root: Node | None = field(default=None, repr=False, compare=False)
     text: str | None = field(default=None, repr=False, compare=False)
@@ -107,15 +111,18 @@ class MotionFile:
         """
         return location(self.source, self._line(path))
 
-    def check(self, limits: Limits, robot: str = 'the robot', closed_loop: bool = False) -> Limits:
+    def check(
+            self, limits: Limits, robot: str = 'the robot', closed_loop: bool = False,
+            laser: Laser | None = None) -> Limits:
         """
         Check that a robot can drive the motion.
 
         :param closed_loop: whether odometry will correct the velocities; then the plan can use
             only a part of each limit, because the rest is reserved for the corrections
+        :param laser: the laser of the obstacle watch; None without a watch
         :returns: for each limit, the smaller of the robot's value and the value in the file
-        :raises MotionFileError: if the robot cannot drive the motion, or the file gives a limit
-            above that of the robot; the message has a line for each problem
+        :raises MotionFileError: if the robot cannot drive the motion, the file gives a limit above
+            that of the robot, or a step cannot be watched; the message has a line for each problem
         """
         tightened = self._tighten(limits)
         # A step may exceed a limit of the file instead of a limit of the robot.
@@ -130,21 +137,27 @@ class MotionFile:
                 excess = LimitError(value, unit, bound, whose=f"{robot}'s")
                 errors.append(excess.at(f'limits.{name}'))
         errors += [error.by(whose) for error in find_errors(self.motion, planned)]
+        if laser is not None:
+            errors += watch_errors(self.motion, laser, robot)
         if errors:
             raise MotionFileError(self.source, map(self._problem, errors))
         return tightened
 
     def order(
             self, robot: RobotProfile, rate: float, closed_loop: bool,
-            speed: float = 1.0) -> DriveOrder:
+            speed: float = 1.0, watch: bool = False) -> DriveOrder:
         """
         Return how a robot drives the motion.
 
         :param speed: the speed relative to that of the file, from 0.01 to 1: a time scale
+        :param watch: whether it is held before obstacles
         :raises MotionFileError: as ``check``
         :raises InvalidMotionError: if the speed is out of range
+        :raises UsageError: if the robot has no laser for a watch
         """
-        limits = self.check(robot.planning_limits, robot.name, closed_loop)
+        limits = self.check(
+            robot.planning_limits, robot.name, closed_loop,
+            robot.watching_laser() if watch else None)
         # What a closed loop adds at the end is slowed, too: all robots of a fleet have one scale.
         motion = self.motion.settled() if closed_loop else self.motion
         return DriveOrder.of(
@@ -290,7 +303,8 @@ def _read(document: Document, source: str) -> MotionFile:
     return MotionFile(
         motion=motion, source=source, robot=_robot(data.get('robot'), source),
         limits=MappingProxyType(limits), rate=numbers.get('rate'),
-        closed_loop=data.get('closed_loop'), corners=corners, root=document.root)
+        closed_loop=data.get('closed_loop'), watch=data.get('watch'), corners=corners,
+        root=document.root)
 
 
 def _robot(name_or_path: str | None, source: str) -> str | None:

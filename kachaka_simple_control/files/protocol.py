@@ -51,6 +51,7 @@ __all__ = [
     'Fleet',
     'FleetState',
     'FleetStateName',
+    'FloorMap',
     'FloorRobot',
     'FloorRobotState',
     'Hand',
@@ -65,6 +66,7 @@ __all__ = [
     'Robot',
     'Run',
     'RunFleet',
+    'Scan',
     'Sent',
     'Speed',
     'Stamp',
@@ -72,6 +74,8 @@ __all__ = [
     'StateName',
     'Stop',
     'Take',
+    'Watch',
+    'WatchName',
     'protocol_schema',
     'read_command',
     'read_report',
@@ -92,6 +96,8 @@ FleetStateName = Literal[
 #: The state of a robot of a fleet: ``done`` after a complete drive, ``stopped`` after another.
 FloorRobotState = Literal[
     'standing by', 'taking', 'driving', 'paused', 'stopping', 'done', 'stopped']
+#: What the obstacle watch says.
+WatchName = Literal['clear', 'obstacle', 'no scan', 'blind']
 #: x [m], y [m] and heading [rad] in the frame of the odometry at the start; for a fleet, in that
 #: of the floor.
 Pose = tuple[float, float, float]
@@ -199,6 +205,23 @@ class Report(Message):
 
 
 @dataclass(frozen=True)
+class FloorMap:
+    """
+    What stands on the floor of simulated robots.
+
+    Of one robot in the frame in which it starts; of a fleet in that of its floor.
+
+    :param walls: lines through points
+    :param posts: x, y and radius of each [m]
+    :param people: x, y and radius [m] of each place where somebody is for a time
+    """
+
+    walls: tuple[tuple[Point, ...], ...]
+    posts: tuple[tuple[float, float, float], ...]
+    people: tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True)
 class Robot(Report):
     """
     The robot; the first line of a drive process, written once.
@@ -210,6 +233,7 @@ class Robot(Report):
     :param footprint: the corners of the robot's outline as x and y [m]; None if unknown
     :param is_driven_here: whether the commands drive the robot; false beside a drive that began in
         a terminal, where only ``stop``, ``pause``, ``resume`` and ``speed`` are executed
+    :param floor: None if unknown
     """
 
     TYPE: ClassVar[str] = 'robot'
@@ -221,6 +245,7 @@ class Robot(Report):
     max_angular_velocity: float
     footprint: tuple[Point, ...] | None = None
     is_driven_here: bool = True
+    floor: FloorMap | None = None
 
 
 @dataclass(frozen=True)
@@ -262,6 +287,21 @@ class Answer(Report):
 
 
 @dataclass(frozen=True)
+class Watch:
+    """
+    What the obstacle watch says.
+
+    :param distance: how far the robot can still drive on its planned path [m]; None without an
+        obstacle
+    :param angle: how far it can still turn on this way [rad]; None without an obstacle
+    """
+
+    state: WatchName
+    distance: float | None = None
+    angle: float | None = None
+
+
+@dataclass(frozen=True)
 class State(Report):
     """
     The state of the drive, at most 20 times a second, and only when something has changed.
@@ -280,6 +320,8 @@ class State(Report):
     :param reason: why the last motion ended, or why the process stops
     :param is_still: whether odometry shows that the robot stands still; None without recent
         odometry
+    :param watch: None without an obstacle watch
+    :param held_by: why the robot is ``paused``, if only the obstacle watch holds it
     """
 
     TYPE: ClassVar[str] = 'state'
@@ -299,6 +341,25 @@ class State(Report):
     robot_errors: str | None = None
     reason: str | None = None
     is_still: bool | None = None
+    watch: Watch | None = None
+    held_by: str | None = None
+
+
+@dataclass(frozen=True)
+class Scan(Report):
+    """
+    A scan of the laser, at most 5 times a second, while the obstacle watch is on.
+
+    It is dropped if the reader of the lines does not keep up.
+
+    :param pose: of the robot by odometry when the scan came; None without odometry
+    :param points: what the laser has seen, at most 180 of its points, in the frame of the robot: x
+        ahead, y to the left [m]
+    """
+
+    TYPE: ClassVar[str] = 'scan'
+    pose: Pose | None
+    points: tuple[Point, ...]
 
 
 @dataclass(frozen=True)
@@ -344,6 +405,7 @@ class Fleet(Report):
     :param rounds: how often the motions are driven
     :param duration: of one round [s]
     :param outlines: the corners of each kind of robot as x (ahead) and y (left) [m]
+    :param floor: None if unknown
     """
 
     TYPE: ClassVar[str] = 'fleet'
@@ -354,6 +416,7 @@ class Fleet(Report):
     duration: float
     outlines: tuple[tuple[Point, ...], ...]
     robots: tuple[FloorRobot, ...]
+    floor: FloorMap | None = None
 
 
 @dataclass(frozen=True)
@@ -373,6 +436,8 @@ class FleetState(Report):
         odometry of each
     :param poses: where the robots are by odometry; None before the first drive, or without it
     :param troubles: what is wrong with a robot, by its name
+    :param watch: of the robot that holds all; None if none does
+    :param held_by: why the robots are ``paused``, if only an obstacle watch holds them
     """
 
     TYPE: ClassVar[str] = 'fleet_state'
@@ -386,6 +451,8 @@ class FleetState(Report):
     states: tuple[FloorRobotState, ...] = ()
     poses: tuple[Pose | None, ...] = ()
     troubles: Mapping[str, str] = field(default_factory=dict)
+    watch: Watch | None = None
+    held_by: str | None = None
 
 
 @dataclass(frozen=True)
@@ -400,7 +467,7 @@ class Log(Report):
 _COMMANDS: tuple[type[Command], ...] = (
     Take, Release, Hand, Run, Stop, Pause, Resume, Speed, Alive)
 _REPORTS: tuple[type[Report], ...] = (
-    Robot, MotionText, Stamp, Answer, State, Sent, Fleet, FleetState, Log)
+    Robot, MotionText, Stamp, Answer, State, Scan, Sent, Fleet, FleetState, Log)
 #: The classes of commands, by type.
 COMMANDS = by_type(_COMMANDS)
 #: The classes of the commands to a fleet, by type.

@@ -41,13 +41,52 @@ from kachaka_simple_control.files.document import (
     UnreadableFileError,
 )
 from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
-from kachaka_simple_control.motion.geometry import Box, Disc, Footprint, Velocity
+from kachaka_simple_control.motion.geometry import Box, Disc, Footprint, Pose, Velocity
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
-from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, Quantity, SIZE, TIME, VEER
+from kachaka_simple_control.motion.units import (
+    ANGLE,
+    COMMAND_TIMEOUT,
+    LENGTH,
+    Quantity,
+    SIZE,
+    TIME,
+    TOLERANCE,
+    VEER,
+)
 from kachaka_simple_control.text import quoted
 
 #: The message type of a robot that takes Twist or TwistStamped; the ROS graph tells which.
 ANY_TYPE = 'any'
+
+
+@dataclass(frozen=True)
+class Laser:
+    """
+    The laser of a robot, and how near the robot may come to what it sees.
+
+    :param topic: of its scans (sensor_msgs/LaserScan), relative to the robot's namespace
+    :param ahead: where it is, from the wheel axle [m], as ``left``
+    :param yaw: the direction of its angle 0, counter-clockwise from ahead [rad]
+    :param margin: what stays free around the outline of the robot [m]
+    :param view: how much it sees around the robot, half of it on each side of ahead [rad]
+    """
+
+    topic: str
+    ahead: float = 0.0
+    left: float = 0.0
+    yaw: float = 0.0
+    margin: float = 0.05
+    view: float = math.tau
+
+    @property
+    def pose(self) -> Pose:
+        """Return the pose of the laser in the frame of the robot."""
+        return Pose(self.ahead, self.left, self.yaw)
+
+    @property
+    def sees_behind(self) -> bool:
+        """Return whether it sees all around the robot, so that a drive backwards is watched."""
+        return self.view >= math.tau * (1.0 - 1e-9)
 
 
 @dataclass(frozen=True)
@@ -63,12 +102,13 @@ class RobotProfile:
         None if velocity commands are always enabled
     :param manual_control_timeout: how long one call of the service enables velocity commands [s];
         infinite if there is no service or no such timeout
-    :param footprint: the outline of the robot, for plots; None if unknown
+    :param footprint: the outline of the robot; None if unknown
     :param calibration: the difference between the velocities that are sent and the velocities that
         odometry reports; None for no difference
     :param odometry_calibration: the difference between reported odometry and the true motion on
         the floor; None for no difference
     :param odometry_required: whether a robot without a publisher of odometry is not driven
+    :param laser: None without one, or if nothing is known of it
     """
 
     name: str
@@ -85,6 +125,7 @@ class RobotProfile:
     calibration: Calibration | None = None
     odometry_calibration: OdometryCalibration | None = None
     odometry_required: bool = True
+    laser: Laser | None = None
 
     @property
     def is_kachaka(self) -> bool:
@@ -114,7 +155,12 @@ class RobotProfile:
     @property
     def delay(self) -> float:
         """Return how long the robot takes to follow a velocity [s]; 0 if not measured."""
-        return 0.0 if self.calibration is None else self.calibration.delay or 0.0
+        return self.known_delay or 0.0
+
+    @property
+    def known_delay(self) -> float | None:
+        """Return how long the robot takes to follow a velocity [s]; None if not measured."""
+        return None if self.calibration is None else self.calibration.delay
 
     def feedback_delay(self) -> float:
         """
@@ -131,6 +177,21 @@ class RobotProfile:
                 f'a closed loop needs to know the delay of the robot, and that of {self.name} was '
                 'not measured: `kachaka_calibrate` does it')
         return self.calibration.delay
+
+    def watching_laser(self) -> Laser:
+        """
+        Return the laser with which the obstacle watch sees what is on the path.
+
+        :raises UsageError: if the robot has none, or its outline is not known
+        """
+        for what, is_known, example in (
+                ('a laser', self.laser, 'laser: {topic: scan}'),
+                ('the outline of the robot', self.footprint, 'footprint: {radius: 0.2 m}')):
+            if is_known is None:
+                raise UsageError(
+                    f'watch needs {what}, and profile {self.name} names none: add {example}')
+        assert self.laser is not None
+        return self.laser
 
     def command(self, velocity: Velocity) -> Velocity:
         """
@@ -171,7 +232,13 @@ KACHAKA = RobotProfile(
         max_linear_acceleration=0.5, max_angular_acceleration=2.5,
         max_linear_jerk=2.0, max_angular_jerk=10.0),
     # kachaka_description; the axle is at the origin
-    footprint=Box(length=0.387, width=0.240, ahead=0.0435))
+    footprint=Box(length=0.387, width=0.240, ahead=0.0435),
+    # The place of the laser is from kachaka_description, the topic from lidar_component.cpp.  Its
+    # rear is hidden; by how much the manufacturer does not say: 90 deg are assumed.  The margin is
+    # chosen.
+    laser=Laser(
+        'lidar/scan', ahead=0.156, left=0.0, yaw=math.pi / 2.0, margin=0.05,
+        view=math.radians(270.0)))
 #: The track of Kachaka, the distance between its wheels [m], from kachaka_description.
 KACHAKA_TRACK = 0.2
 
@@ -356,10 +423,21 @@ def _footprint(**sizes: float) -> Footprint:
     raise InvalidMotionError('it must be length and width, or radius alone')
 
 
+def _laser(**values: Any) -> Laser:
+    laser = Laser(**values)
+    if not 0.0 < laser.view <= math.tau:
+        raise InvalidMotionError(
+            f'{math.degrees(laser.view):.6g} deg; it must be above 0 deg, and at most 360 deg',
+            name='view')
+    return laser
+
+
 #: The mappings in a file that become objects: the key, the quantities of its values, and the
 #: function that makes the object.
 PARTS: tuple[tuple[str, Mapping[str, Quantity], Callable[..., object]], ...] = (
     ('limits', LIMIT_QUANTITIES, Limits),
     ('calibration', {'veer': VEER, 'delay': TIME}, Calibration),
     ('odometry_calibration', {'track': SIZE}, OdometryCalibration),
-    ('footprint', {'length': SIZE, 'width': SIZE, 'ahead': LENGTH, 'radius': SIZE}, _footprint))
+    ('footprint', {'length': SIZE, 'width': SIZE, 'ahead': LENGTH, 'radius': SIZE}, _footprint),
+    ('laser', {'ahead': LENGTH, 'left': LENGTH, 'yaw': ANGLE, 'margin': TOLERANCE, 'view': ANGLE},
+     _laser))

@@ -24,7 +24,11 @@ from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.motion_file import MotionFile
 from kachaka_simple_control.fleet.fleet_plan import fleet_of, FleetPlan, plan_fleet
-from kachaka_simple_control.kachaka.bridge_process import simulated_fleet
+from kachaka_simple_control.kachaka.bridge_process import (
+    floor_option,
+    require_floor,
+    simulated_fleet,
+)
 from kachaka_simple_control.motion.steps import Motion
 from kachaka_simple_control.ros.dds_transport import start_on_this_machine
 from kachaka_simple_control.ros.drive_node import DriveNode
@@ -50,7 +54,7 @@ class Fleet(contextlib.AbstractContextManager['Fleet']):
     def __init__(
             self, robots: FleetPlan | Mapping[str, Motion | str | os.PathLike[str]],
             parameters: Mapping[str, Any] | None = None, *, sim: bool = False,
-            **node_options: Any) -> None:
+            floor: str | os.PathLike[str] | None = None, **node_options: Any) -> None:
         """
         Create the node, and call ``rclpy.init()`` if ROS is not initialized yet.
 
@@ -59,9 +63,11 @@ class Fleet(contextlib.AbstractContextManager['Fleet']):
         :param parameters: defaults of the parameters of each robot, as for
             ``KachakaSimpleControl``
         :param sim: whether to start simulated robots, which are visible only on this machine
+        :param floor: the name or the file of their floor; None for an empty floor
         :raises InvalidMotionError: if a robot cannot drive its motion
-        :raises UsageError: if a name or a parameter is invalid
+        :raises UsageError: if a name, a parameter or the floor is invalid
         """
+        require_floor(floor, sim)
         self.plan = robots if isinstance(robots, FleetPlan) else plan_fleet(fleet_of({
             name: _motion_file(motion) for name, motion in robots.items()}))
         self.round = 0
@@ -75,14 +81,20 @@ class Fleet(contextlib.AbstractContextManager['Fleet']):
             self.logger: RcutilsLogger = self.node.get_logger()  # type: ignore[no-untyped-call]
             stack.callback(self.node.destroy_node)
             if sim:
-                self.simulate(stack)
+                self.simulate(stack, floor)
             self._parts = stack.pop_all()
 
-    def simulate(self, stack: contextlib.ExitStack) -> None:
-        """Start simulated robots, and drive no others, until the stack is closed."""
+    def simulate(
+            self, stack: contextlib.ExitStack,
+            floor: str | os.PathLike[str] | None = None) -> None:
+        """
+        Start simulated robots, and drive no others, until the stack is closed.
+
+        :param floor: the name or the file of their floor; None for an empty floor
+        """
         rate = max(MIN_RATE, min(MAX_RATE, ODOMETRY / len(self.plan.robots)))
         bridge = stack.enter_context(simulated_fleet(
-            self.plan.simulated, ['--odometry-rate', f'{rate:g}']))
+            self.plan.simulated, ['--odometry-rate', f'{rate:g}', *floor_option(floor)]))
         for robot in self.node.robots.values():
             robot.discovery.require_participant(bridge.require_participant)
 

@@ -66,6 +66,7 @@ class PlannedRobot:
     A robot of a fleet, and what it drives.
 
     :param order: one object for all robots that drive the same
+    :param watch: whether it is held before obstacles
     :param simulation: its errors, if it is simulated
     """
 
@@ -73,6 +74,7 @@ class PlannedRobot:
     fleet_robot: FleetRobot
     order: DriveOrder
     simulation: SimulationParameters
+    watch: bool = False
 
     @property
     def plan(self) -> Plan:
@@ -88,7 +90,7 @@ class PlannedRobot:
     def parameters(self) -> dict[str, Any]:
         """Return its parameters in a node, but for those that no file says."""
         return {'robot': self.fleet_robot.robot, 'rate': self.order.rate,
-                'closed_loop': self.order.corrected is not None}
+                'closed_loop': self.order.corrected is not None, 'watch': self.watch}
 
     @property
     def end(self) -> Pose:
@@ -169,18 +171,19 @@ def fleet_of(robots: Mapping[str, MotionFile]) -> FleetFile:
     return fleet
 
 
-def plan_fleet(file: FleetFile, speed: float = 1.0) -> FleetPlan:
+def plan_fleet(file: FleetFile, speed: float = 1.0, watch: bool | None = None) -> FleetPlan:
     """
     Plan what each robot of a fleet drives.
 
     :param speed: relative to the motions, from 0.01 to 1: a time scale for all
+    :param watch: whether each robot is held before obstacles; None for what its motion says
     :raises FleetFileError: if a robot cannot drive its motion, or a value is out of its range; a
         line for each problem
     :raises InvalidMotionError: if the speed is out of range
     """
     require_factor(speed)
     problems: list[PathProblem] = []
-    known: dict[tuple[MotionFile, RobotProfile, float], DriveOrder | list[str]] = {}
+    known: dict[tuple[MotionFile, RobotProfile, float, bool], DriveOrder | list[str]] = {}
     robots = []
     for robot in file.robots:
         path = f'robots.{robot.name}'
@@ -191,12 +194,13 @@ def plan_fleet(file: FleetFile, speed: float = 1.0) -> FleetPlan:
         except InvalidMotionError as error:
             problems.append((f'{path}.simulation.{error.name}', error.message))
             simulation = SimulationParameters()
-        key = (robot.motion_file, robot.profile, rate)
+        watched = bool(robot.motion_file.watch if watch is None else watch)
+        key = (robot.motion_file, robot.profile, rate, watched)
         if key not in known:
             known[key] = _order(*key, speed)
         order = known[key]
         if isinstance(order, DriveOrder):
-            robots.append(PlannedRobot(robot.name, robot, order, simulation))
+            robots.append(PlannedRobot(robot.name, robot, order, simulation, watched))
         else:
             problems += [(f'{path}.motion', text) for text in order]
     if problems:
@@ -218,14 +222,15 @@ def require_clear(plan: FleetPlan) -> None:
 
 
 def _order(
-        motion_file: MotionFile, profile: RobotProfile, rate: float,
+        motion_file: MotionFile, profile: RobotProfile, rate: float, watch: bool,
         speed: float) -> DriveOrder | list[str]:
     """Return what a robot drives, with its plan; or the problems, each with its file and line."""
-    closed_loop = bool(motion_file.closed_loop)
+    closed_loop, key = bool(motion_file.closed_loop), 'closed_loop'
     try:
         if closed_loop:
             profile.feedback_delay()
-        order = motion_file.order(profile, rate, closed_loop, speed)
+        key = 'watch'
+        order = motion_file.order(profile, rate, closed_loop, speed, watch)
         order.plan  # noqa: B018
     except FileError as error:
         return [f'{location(error.source, problem.line)}: {problem}'
@@ -237,7 +242,7 @@ def _order(
         slow = '' if speed == 1.0 else f', at {100.0 * speed:g} % of its speed'
         return [f'{location(motion_file.source, problem.line)}: {problem}{slow}']
     except UsageError as error:
-        return [f'{motion_file.where("closed_loop")}: closed_loop: {error}']
+        return [f'{motion_file.where(key)}: {key}: {error}']
     return order
 
 

@@ -23,6 +23,7 @@ import math
 import textwrap
 
 from kachaka_simple_control.analysis.clearance import MAX_ROUNDS
+from kachaka_simple_control.files.watch_check import watch_text
 from kachaka_simple_control.fleet.fleet_plan import FleetPlan, PlannedRobot
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.units import format_number
@@ -69,7 +70,7 @@ def fleet_table(plan: FleetPlan, widest: int | None = None) -> str:
                     [tuple(row[place] for place in kept) for row in rows], widest)
     return '\n'.join([
         one_line(title, widest), '', *lines, '',
-        *(part for line in [_timing(plan), *_clearance(plan), TRUST]
+        *(part for line in [_timing(plan), *_clearance(plan), *_watched(plan), TRUST]
           for part in textwrap.wrap(line, widest, subsequent_indent=INDENT))])
 
 
@@ -98,6 +99,22 @@ def _timing(plan: FleetPlan) -> str:
     return f'Takes: {rounds}{slow}; after a fault of one {fault}.'
 
 
+def _watched(plan: FleetPlan) -> list[str]:
+    """Return a line for all robots with one kind of watch, with their names unless all have it."""
+    kinds: dict[str, list[str]] = {}
+    for robot in plan.robots:
+        if robot.watch and robot.profile.laser is not None:
+            kinds.setdefault(watch_text(robot.profile.laser), []).append(robot.name)
+    return [text if len(names) == len(plan.robots) else f'{text}: {_some(names)}'
+            for text, names in kinds.items()]
+
+
+def _some(names: list[str]) -> str:
+    """Return the first names of a list, and how many more there are, as text."""
+    more = f' and {len(names) - MAX_NAMES} more' if len(names) > MAX_NAMES else ''
+    return f'{", ".join(names[:MAX_NAMES])}{more}'
+
+
 def _clearance(plan: FleetPlan) -> list[str]:
     """Return lines on robots that come too near, and on what is not known of it."""
     margin = f'{100.0 * plan.file.margin:g} cm'
@@ -109,7 +126,5 @@ def _clearance(plan: FleetPlan) -> list[str]:
     if not plan.are_all_rounds_checked:
         lines[-1] += f' Only the first {MAX_ROUNDS} rounds were looked at.'
     if unknown := [robot.name for robot in plan.floor if robot.footprint is None]:
-        more = f' and {len(unknown) - MAX_NAMES} more' if len(unknown) > MAX_NAMES else ''
-        lines.append(f'Outline not known, so taken as a point: {", ".join(unknown[:MAX_NAMES])}'
-                     f'{more}.')
+        lines.append(f'Outline not known, so taken as a point: {_some(unknown)}.')
     return lines

@@ -39,6 +39,7 @@ from kachaka_simple_control.control.robot_drive import DriveProgress
 from kachaka_simple_control.control.speed_factor import MOVED, OVERRIDE, PAUSE
 from kachaka_simple_control.control.tick_scheduler import TickScheduler, VelocitySource
 from kachaka_simple_control.control.timing import (
+    BLIND_SPEED,
     DRIVE_END_TIMEOUT,
     RESUME_CONFIRM_TIMEOUT,
     RESUME_QUIET_TIME,
@@ -285,10 +286,13 @@ class Commander:
             robot.require_not_stopped()
             if self.is_driving([robot]):
                 robot.check_resume(even_if_moved)
+        are_blind = [robot for robot in chosen if robot.go_blind()]
         were_held = [robot.speed_factor.set(name, 1.0)
                      for robot in chosen for name in (PAUSE, MOVED)]
         if any(were_held):
             self._logger.info('Resumed')
+        if are_blind:
+            return f'resumed without a scan of the laser, at {100.0 * BLIND_SPEED:g} %'
         for robot in chosen:
             if robot.speed_factor.is_hold:
                 return f'another holds the robot: {robot.speed_factor.describe()}'

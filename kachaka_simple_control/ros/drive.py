@@ -80,6 +80,10 @@ class Drive:
 
         :raises ControlError: if there is no control of a robot
         """
+        for task in self._tasks:
+            if task.robot.watch is not None:
+                task.robot.watch.others = [
+                    other.robot.speed_factor for other in self._tasks if other is not task]
         try:
             complete([partial(_prepare, task) for task in self._tasks], self._check)
             self._interpreter.enter_context(interpreter_prepared())
@@ -183,7 +187,8 @@ class Drive:
 
 def _prepare(task: RobotTask, moment: Moment) -> Steps[None]:
     try:
-        yield from task.robot.prepare(moment, is_closed_loop=task.corrected is not None)
+        yield from task.robot.prepare(
+            moment, task.source, is_closed_loop=task.corrected is not None)
     except ControlError as error:
         raise task.robot.named(error) from None
 

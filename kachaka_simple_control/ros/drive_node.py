@@ -119,8 +119,7 @@ class DriveNode(Node):
             self.robots[robot.name] = robot
             robots.append(robot)
         self._introspection = IntrospectionPublishers(self, robots, self.event_bus)
-        self._hub.start_odometry([
-            robot.reader for robot in robots if robot.reader is not None])
+        self._hub.start_reading([reader for robot in robots for reader in robot.readers])
         self.drive_services = DriveServices(self, self.commander, robots)
         self._signal_handler = _SignalHandler(self, self.commander)
         self._stop_on_every_exit()

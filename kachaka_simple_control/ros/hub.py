@@ -22,7 +22,7 @@ from kachaka_simple_control.control.stop import LateStops
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.ros.executors import BackgroundExecutor
 from kachaka_simple_control.ros.graph import Graph
-from kachaka_simple_control.ros.odometry import OdometryReader, OdometryThread
+from kachaka_simple_control.ros.odometry import OdometryThread, Reader
 from kachaka_simple_control.telemetry.event_bus import EventBus
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.impl.rcutils_logger import RcutilsLogger
@@ -57,8 +57,8 @@ class Hub:
             logger = logger.get_child(robot)
         return logger
 
-    def start_odometry(self, readers: Sequence[OdometryReader]) -> None:
-        """Start to receive the odometry of all robots, if any has some; call this once."""
+    def start_reading(self, readers: Sequence[Reader]) -> None:
+        """Start to receive odometry and scans of all robots, if any has some; call this once."""
         if readers:
             self._odometry = OdometryThread(self.node, readers, self._report)
 

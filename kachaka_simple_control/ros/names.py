@@ -38,6 +38,8 @@ DIAGNOSTICS = '/diagnostics'
 #: The topics of a Kachaka's bridge with the charge of its battery and with its errors, relative to
 #: the namespace of the robot.  Source: the bridge of pf-robotics/kachaka-api.
 BATTERY, ERRORS = 'robot_info/battery_percentage', 'diagnostics/error_status'
+#: The service of our bridge that lets the laser of a Kachaka run for 5 s; the maker's has none.
+LASER_ACTIVATION = 'lidar/activate'
 INTROSPECTION_TOPICS = (
     COMMANDED_VELOCITY, SPEED_FACTOR, PLANNED_PATH, DRIVEN_PATH, DIAGNOSTICS)
 _NAMESPACE = re.compile('(/+[A-Za-z_][A-Za-z0-9_]*)*/*')
@@ -59,18 +61,25 @@ class RobotNames:
 
     :param odometry: None if the robot has no odometry
     :param manual_control: the service that switches it on and off; None if it is not used
+    :param laser: the topic of its scans; None if they are not read
+    :param laser_activation: the service that lets its laser run; None if it has none
     """
 
     velocity: str
     odometry: str | None
     manual_control: str | None
+    laser: str | None = None
+    laser_activation: str | None = None
 
 
-def names_of(profile: RobotProfile, namespace: str, manual_control: bool) -> RobotNames:
+def names_of(
+        profile: RobotProfile, namespace: str, manual_control: bool,
+        watch: bool = False) -> RobotNames:
     """
-    Return the full names of the topics and the service of one robot, before remapping.
+    Return the full names of the topics and the services of one robot, before remapping.
 
     :param manual_control: whether to use that service, if this kind of robot has one
+    :param watch: whether to read its laser
     :raises UsageError: if the namespace is invalid or too long
     """
     longest = max(len(name) for name in (
@@ -81,10 +90,13 @@ def names_of(profile: RobotProfile, namespace: str, manual_control: bool) -> Rob
         return f'/{namespace.strip("/")}/{name}'.replace('//', '/')
 
     odometry, service = profile.odometry_topic, profile.manual_control_service
+    laser = profile.laser if watch else None
     return RobotNames(
         velocity=absolute(profile.velocity_topic),
         odometry=absolute(odometry) if odometry else None,
-        manual_control=absolute(service) if service and manual_control else None)
+        manual_control=absolute(service) if service and manual_control else None,
+        laser=None if laser is None else absolute(laser.topic),
+        laser_activation=absolute(LASER_ACTIVATION) if laser and profile.is_kachaka else None)
 
 
 def require_length(text: str, name: str, longest: int, what: str = 'name') -> None:

@@ -85,6 +85,8 @@ class NodeParameters:
         MIN_SPEED_FACTOR, 1.0, read_only=False)
     closed_loop: bool = _parameter(
         False, 'Correct motions by odometry; the delay of the robot must be calibrated')
+    watch: bool = _parameter(
+        False, 'Hold before obstacles that the laser sees on the planned path; no safety device')
     corners: float = _parameter(
         0.0, 'How far a motion may pass its corners, to drive through them without a stop [m]; '
         '0: as the motion says', 0.0, 1.0, 'm')

@@ -20,6 +20,7 @@ from copy import copy
 import math
 import threading
 import time
+from typing import Protocol
 
 from kachaka_simple_control.files.cdr import read_odometry
 from kachaka_simple_control.motion.geometry import Pose, Velocity
@@ -61,9 +62,18 @@ class OdometryReader:
             self.on_odometry(time.monotonic(), pose, twist, is_new)
 
 
+class Reader(Protocol):
+    """Reads the serialized messages of a subscription."""
+
+    subscription: Subscription
+
+    def on_message(self, data: bytes) -> None:
+        """Read a serialized message."""
+
+
 class OdometryThread:
     """
-    Receives the odometry of robots in one thread, with little CPU time for each message.
+    Receives odometry and scans of robots in one thread, with little CPU time for each message.
 
     An executor of rclpy would build a new wait set with all entities of the node for each, and
     convert all 72 covariance values.
@@ -73,7 +83,7 @@ class OdometryThread:
     """
 
     def __init__(
-            self, node: Node, readers: Sequence[OdometryReader],
+            self, node: Node, readers: Sequence[Reader],
             on_error: Callable[[BaseException], None]) -> None:
         first, *others = readers
         self._executor = executors.SubscriptionExecutor(

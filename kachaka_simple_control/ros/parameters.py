@@ -87,7 +87,7 @@ def declare_parameters(node: Node, name: str, defaults: Mapping[str, Any]) -> Ro
         for parameter in others}
     parameters = NodeParameters(robot=kind, **values)
     return RobotSettings(name, profile, parameters, names_of(
-        profile, parameters.robot_namespace, parameters.manual_control))
+        profile, parameters.robot_namespace, parameters.manual_control, parameters.watch))
 
 
 def warn_of_unknown(node: Node, robots: Iterable[str]) -> None:

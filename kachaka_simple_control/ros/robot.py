@@ -26,21 +26,24 @@ import time
 from kachaka_simple_control import errors
 from kachaka_simple_control.control.drive_monitor import DriveMonitor, LeaseRenewer
 from kachaka_simple_control.control.drive_requests import DriveRequest
-from kachaka_simple_control.control.events import OdometryReceived
+from kachaka_simple_control.control.events import OdometryReceived, ScanReceived
+from kachaka_simple_control.control.obstacle_watch import ObstacleWatch
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.preparation import complete, Moment, Steps
 from kachaka_simple_control.control.robot_drive import RobotDrive
+from kachaka_simple_control.control.scan_watch import ScanWatch
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
-from kachaka_simple_control.control.tick_scheduler import VelocitySource
+from kachaka_simple_control.control.tick_scheduler import VelocitySource, watched
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
-from kachaka_simple_control.motion.geometry import Pose, Velocity
+from kachaka_simple_control.motion.geometry import Point, Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.process.signals import signal_dispatcher
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.hub import Hub
+from kachaka_simple_control.ros.laser_scan import LaserActivation, LaserReader
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
-from kachaka_simple_control.ros.odometry import OdometryReader, subscribe_to_odometry
+from kachaka_simple_control.ros.odometry import OdometryReader, Reader, subscribe_to_odometry
 from kachaka_simple_control.ros.parameters import RobotSettings
 from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.robot_connection import (
@@ -107,6 +110,10 @@ class Robot:
         self.monitor.on_kept_hold = self._logger.warning
         self.stopper = RobotStop(
             hub, self.gate, settings, self.guardian, self.odometry, self._foreign, self.monitor)
+        #: reads the scans of the laser, and holds the robot before obstacles; None without
+        self._laser = self._subscribe_to_laser()
+        self.watch = None if self._laser is None else self._make_watch(self._laser)
+        self.monitor.watch = self.watch
         #: the newest drive: its plan, its progress, and why it ended
         self.drive = RobotDrive(
             self.gate, self.monitor, self.speed_factor, profile.command_timeout)
@@ -122,10 +129,43 @@ class Robot:
             self.drive, self.discovery, self.guardian, self.odometry, manual_control,
             lambda: hub.stopped_by)
 
+    @property
+    def readers(self) -> list[Reader]:
+        """Return what reads the odometry and the scans of the robot."""
+        return [reader for reader in (self.reader, self._laser) if reader is not None]
+
+    def _subscribe_to_laser(self) -> LaserReader | None:
+        names, laser = self.settings.names, self.settings.profile.laser
+        if not self.settings.parameters.watch:
+            return None
+        self.settings.profile.watching_laser()  # says what is missing
+        assert names.laser is not None
+        assert laser is not None
+        return LaserReader(self._hub.node, names.laser, laser.pose, self._hub.odometry_group)
+
+    def _make_watch(self, reader: LaserReader) -> ScanWatch:
+        profile, activation = self.settings.profile, self.settings.names.laser_activation
+        assert profile.laser is not None
+        assert profile.footprint is not None
+        watch = ScanWatch(
+            ObstacleWatch(profile.footprint, profile.laser.margin, profile.known_delay),
+            self.speed_factor, self.name, self.publish, self._logger.warning)
+        if activation is not None:
+            client = LaserActivation(self._hub.node, activation)
+            watch.activate = partial(self.gate.wait_for_dds, client.request)
+        reader.on_scan = self._on_scan
+        return watch
+
+    def _on_scan(self, now: float, taken: float, points: tuple[Point, ...]) -> None:
+        assert self.watch is not None
+        self.watch.on_scan(now, taken, points)
+        if self.gate.has_readers(ScanReceived):
+            self.publish(ScanReceived(taken, points))
+
     def _subscribe_to_odometry(self) -> OdometryReader | None:
         settings, parameters = self.settings, self.settings.parameters
         if not (parameters.summary or parameters.odometry_timeout or parameters.closed_loop
-                or parameters.within):
+                or parameters.within or parameters.watch):
             return None
         reader = subscribe_to_odometry(
             self._hub.node, settings.names, self._hub.odometry_group)
@@ -139,9 +179,10 @@ class Robot:
             reader.on_odometry = self._on_odometry
         return reader
 
-    def prepare(self, moment: Moment, is_closed_loop: bool) -> Steps[None]:
+    def prepare(
+            self, moment: Moment, source: VelocitySource, is_closed_loop: bool) -> Steps[None]:
         """
-        Get control of the robot, and wait until a closed loop sees it at rest.
+        Get control of the robot, and wait until a closed loop sees it at rest, and a watch all.
 
         :raises ControlError: if this program cannot get control of the robot
         """
@@ -153,6 +194,10 @@ class Robot:
             yield from wait_for_rest(
                 moment, self._feedback, self.odometry,
                 f'odometry on {self.settings.names.odometry}')
+        if self.watch is not None:
+            yield from self.watch.prepare(
+                moment, str(self.settings.names.laser), self.drive.progress.plan,
+                lambda: self.pose, watched(source))
 
     def begin(
             self, source: VelocitySource, t0: float, period: float,
@@ -196,12 +241,14 @@ class Robot:
 
     def end_before_others(self) -> None:
         """Let another thread stop this robot, which has ended its plan before the others."""
+        self.end_watch()
         assert self.gate.permit is not None
         self.guardian.report_stopping()
         self.stopper.begin_elsewhere(self.gate.permit, self.drive.progress.plan)
 
     def stop_later(self) -> None:
         """Let another thread stop this robot, whose drive has ended while others go on."""
+        self.end_watch()
         assert self.gate.permit is not None
         # Its thread, which drives others, goes on to write heartbeats.
         self.guardian.report_stopping()
@@ -209,6 +256,7 @@ class Robot:
 
     def finish(self) -> None:
         """Record that a drive has come to its end."""
+        self.end_watch()
         self.drive.finish(time.monotonic())
 
     def end_early(self, error: BaseException, failure: str | None) -> BaseException:
@@ -219,6 +267,7 @@ class Robot:
         :returns: the error to raise: this one, or the guardian's
         """
         self.connection.is_taken = False
+        self.end_watch()
         if failure is not None:
             # The error of the drive is raised, and says nothing of it.
             self.stopper.log_once(failure)
@@ -234,6 +283,22 @@ class Robot:
         """Record why a drive has ended early, unless that was done."""
         self.drive.finish(time.monotonic(), _text(error), is_fault=not isinstance(
             error, (errors.MotionRefusedError, KeyboardInterrupt)))
+
+    def go_blind(self) -> bool:
+        """Go on slowly without a scan of the laser; return whether only scans were missing."""
+        return self.watch is not None and self.watch.go_blind(time.monotonic())
+
+    def cut(self, velocity: Velocity) -> Velocity:
+        """Return the part of a velocity by hand that the obstacle watch allows."""
+        watch, profile = self.watch, self.settings.profile
+        if watch is None:
+            return velocity
+        return watch.watch.cut(velocity, profile.planning_limits, time.monotonic())
+
+    def end_watch(self) -> None:
+        """End to watch for obstacles, after a drive."""
+        if self.watch is not None:
+            self.watch.end()
 
     def release(self, moment: Moment) -> Steps[None]:
         """Let no velocity pass any more, and release the robot, which was stopped."""
@@ -251,6 +316,8 @@ class Robot:
     def _on_odometry(self, now: float, pose: Pose, velocity: Velocity, is_new: bool) -> None:
         """Process odometry; ``is_new``: its stamp is later than the last one, or it has none."""
         self.odometry.on_odometry(now, velocity)
+        if self.watch is not None:
+            self.watch.watch.on_odometry(now, pose)
         if self._feedback is not None and is_new:
             self._feedback.on_odometry(now, pose, is_moving=self.odometry.is_moving(now))
         still_since = self.odometry.still_since(now)

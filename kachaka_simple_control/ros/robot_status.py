@@ -19,8 +19,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from kachaka_simple_control.control.diagnosis import Diagnosis, Level
-from kachaka_simple_control.control.events import DriveState
+from kachaka_simple_control.control.events import DriveState, WatchState
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
+from kachaka_simple_control.control.hold_text import describe_hold, describe_watch, HELD
 from kachaka_simple_control.control.robot_drive import DriveProgress, RobotDrive
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.velocity_gate import GateState
@@ -107,7 +108,7 @@ def _guardian(guardian: Guardian | NullGuardian) -> str:
 def diagnose(progress: DriveProgress, status: RobotStatus) -> Diagnosis:
     """Return a diagnosis of the drive: OK, a warning or an error, with named values."""
     state = ('stopped permanently' if status.stopped_by is not None else
-             STATES.get(progress.state, progress.state.value))
+             STATES.get(progress.state) or _state_under_way(progress))
     level, message = _worst(progress, status, state)
     age = status.odometry_age
     return Diagnosis(level, message, {
@@ -122,7 +123,19 @@ def diagnose(progress: DriveProgress, status: RobotStatus) -> Diagnosis:
         'odometry age': 'none received' if age is None else f'{age:.2f} s',
         'manual control': status.manual_control,
         'speed': status.speed,
+        'obstacle watch': _watch(progress),
     })
+
+
+def _state_under_way(progress: DriveProgress) -> str:
+    held_by = describe_hold(progress.state, progress.factors, progress.watch)
+    return f'{HELD} {held_by}' if held_by else progress.state.value
+
+
+def _watch(progress: DriveProgress) -> str:
+    if progress.watch is None:
+        return 'off'
+    return describe_watch(progress.watch, progress.factors) or progress.watch.state.value
 
 
 def _worst(progress: DriveProgress, status: RobotStatus, state: str) -> tuple[Level, str]:
@@ -138,6 +151,10 @@ def _worst(progress: DriveProgress, status: RobotStatus, state: str) -> tuple[Le
          status.other_publishers),
         ('odometry is silent', (status.odometry_age or 0.0) > ODOMETRY_WARN_AGE),
         ('velocities were skipped', progress.skipped),
+        # Not because of an obstacle: for that the watch is there.
+        (_watch(progress), progress.state in (DriveState.DRIVING, DriveState.PAUSED)
+         and progress.watch is not None
+         and progress.watch.state in (WatchState.NO_SCAN, WatchState.BLIND)),
     ]
     for warning, applies in warnings:
         if applies:

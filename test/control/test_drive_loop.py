@@ -53,13 +53,13 @@ SECOND = plan(Motion('second', (Move(0.1, 0.0, 1.0),)), LIMITS, 10.0)
 class QuietMonitor:
     """A run monitor that finds no fault."""
 
-    speed_factor = 1.0
+    speed_factor, watch = 1.0, None
 
     def correct(self, tick, now):
         """Return what was planned."""
         return tick.velocity
 
-    def on_sent(self, now, rest):
+    def on_sent(self, now, rest, plan_time):
         """Do nothing."""
 
     def check(self, now):

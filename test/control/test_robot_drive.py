@@ -44,7 +44,7 @@ COMMAND_TIMEOUT = 0.3
 class CountingMonitor:
     """A run monitor that counts its checks."""
 
-    speed_factor = 1.0
+    speed_factor, watch = 1.0, None
 
     def __init__(self):
         """Start at zero."""
@@ -54,7 +54,7 @@ class CountingMonitor:
         """Return what was planned."""
         return tick.velocity
 
-    def on_sent(self, now, rest):
+    def on_sent(self, now, rest, plan_time):
         """Do nothing."""
 
     def check(self, now):

@@ -43,6 +43,7 @@ from kachaka_simple_control.files.protocol import (
     Fleet,
     FLEET_COMMANDS,
     FleetState,
+    FloorMap,
     FloorRobot,
     Hand,
     MAX_SIZE,
@@ -54,6 +55,7 @@ from kachaka_simple_control.files.protocol import (
     RunFleet,
     SCHEMA,
     State,
+    Watch,
     write_line,
 )
 from optional_libraries import optional_imports
@@ -67,32 +69,40 @@ TEXTS = st.text(st.characters(blacklist_categories=['Cs']), max_size=40)
 IDS = st.integers(0, MAX_INTEGER)
 POSES = st.tuples(FLOATS, FLOATS, FLOATS)
 FACTORS = st.floats(0.01, 1.0)
+WATCHES = st.builds(
+    Watch, st.sampled_from(['clear', 'obstacle', 'no scan', 'blind']), st.none() | FLOATS,
+    st.none() | FLOATS)
 STATES = st.builds(
     State, state=st.sampled_from(['ready', 'driving', 'stopped']), motion=st.none() | TEXTS,
     step=st.none() | st.integers(0, 99), steps=st.none() | st.integers(0, 99),
     progress=st.none() | st.floats(0.0, 1.0), remaining=st.none() | FLOATS,
     factors=st.dictionaries(TEXTS, FLOATS, max_size=3), planned=st.none() | POSES,
     driven=st.none() | POSES, velocity=st.tuples(FLOATS, FLOATS),
-    odometry_age=st.none() | FLOATS, reason=st.none() | TEXTS)
+    odometry_age=st.none() | FLOATS, reason=st.none() | TEXTS, watch=st.none() | WATCHES,
+    held_by=st.none() | TEXTS)
 POINTS = st.lists(st.tuples(FLOATS, FLOATS), max_size=3).map(tuple)
+MAPS = st.none() | st.builds(
+    FloorMap, st.lists(POINTS, max_size=2).map(tuple), st.lists(POSES, max_size=2).map(tuple),
+    st.lists(POSES, max_size=2).map(tuple))
 FLOOR_ROBOTS = st.builds(
     FloorRobot, TEXTS, TEXTS, POSES, FLOATS, POINTS, st.none() | st.integers(0, 3))
 FLEETS = st.builds(
     Fleet, TEXTS, TEXTS, FLOATS, st.integers(1, 9), FLOATS,
-    st.lists(POINTS, max_size=2).map(tuple), st.lists(FLOOR_ROBOTS, max_size=3).map(tuple))
+    st.lists(POINTS, max_size=2).map(tuple), st.lists(FLOOR_ROBOTS, max_size=3).map(tuple), MAPS)
 FLEET_STATES = st.builds(
     FleetState, state=st.sampled_from(['taking', 'driving', 'ended']),
     round=st.none() | st.integers(1, 9), plan_time=st.none() | FLOATS, speed=FACTORS,
     apart=st.none() | FLOATS, reason=st.none() | TEXTS, is_still=st.none() | st.booleans(),
     states=st.lists(st.sampled_from(['done', 'stopped']), max_size=3).map(tuple),
     poses=st.lists(st.none() | POSES, max_size=3).map(tuple),
-    troubles=st.dictionaries(TEXTS, TEXTS, max_size=2))
+    troubles=st.dictionaries(TEXTS, TEXTS, max_size=2), watch=st.none() | WATCHES)
 LINES = st.one_of(
     st.builds(Hand, sequence=IDS, stamp=FLOATS, linear_x=FLOATS, angular_z=FLOATS),
     st.builds(Run, id=IDS, text=TEXTS, name=TEXTS), st.builds(protocol.Speed, IDS, FACTORS),
     st.builds(protocol.Stop, IDS), st.just(protocol.Alive()), STATES,
     st.builds(protocol.Answer, IDS, st.booleans(), TEXTS, st.none() | st.booleans()),
     st.builds(protocol.Sent, st.lists(POSES, max_size=4).map(tuple)),
+    st.builds(protocol.Scan, st.none() | POSES, POINTS),
     st.builds(protocol.Stamp, FLOATS), st.builds(protocol.Log, st.just('info'), TEXTS),
     st.builds(RunFleet, IDS), FLEETS, FLEET_STATES)
 JSON = st.recursive(

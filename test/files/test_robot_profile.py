@@ -27,6 +27,7 @@ from kachaka_simple_control.files.robot_profile import (
     calibrated_text,
     find_robot,
     KACHAKA,
+    Laser,
     MIN_COMMAND_TIMEOUT,
     RobotFileError,
     RobotProfile,
@@ -72,7 +73,8 @@ def test_kachaka_has_its_makers_figures_and_chosen_accelerations():
     assert KACHAKA == RobotProfile(
         'kachaka', '/kachaka', 'manual_control/cmd_vel', 'odometry/odometry',
         'manual_control/set_enabled', 60.0, 0.3, Limits(0.3, 1.57, 0.5, 2.5, 2.0, 10.0), 'Twist',
-        'base_link', Box(0.387, 0.24, 0.0435))
+        'base_link', Box(0.387, 0.24, 0.0435),
+        laser=Laser('lidar/scan', 0.156, 0.0, math.pi / 2.0, 0.05, math.radians(270.0)))
 
 
 @pytest.mark.parametrize('name', [name for name in robots() if name != KACHAKA.name])
@@ -114,10 +116,12 @@ limits:
   max_angular_jerk: 720 deg/s^3
   max_backward_velocity: 10 cm/s
 footprint: {length: 40 cm, width: 300 mm, ahead: -5 cm}
+laser: {topic: front/scan, ahead: 10 cm, left: -2 cm, yaw: 180 deg, margin: 0 cm, view: 360 deg}
 """) == RobotProfile(
         'own', '/a/b', 'base/cmd_vel', 'odom', 'enable', 60.0, 0.3,
         Limits(0.3, math.pi / 2, 0.5, math.pi, 2.0, 4 * math.pi, 1.0, 2 * math.pi, 0.1),
-        'TwistStamped', 'base', Box(0.4, 0.3, -0.05), odometry_required=False)
+        'TwistStamped', 'base', Box(0.4, 0.3, -0.05), odometry_required=False,
+        laser=Laser('front/scan', 0.1, -0.02, math.pi, 0.0, math.tau))
 
 
 def test_a_robot_may_extend_one_that_is_known(robot):
@@ -127,6 +131,16 @@ def test_a_robot_may_extend_one_that_is_known(robot):
                     'max_angular_velocity: 1 rad/s}\nmanual_control: null\n')
     assert limited.limits == Limits(0.1, 1.0)
     assert limited.velocity_topic == find_robot('turtlebot3').velocity_topic
+
+
+def test_a_laser_is_taken_from_the_robot_that_is_extended_replaced_or_removed(robot):
+    assert robot('extends: kachaka').laser == KACHAKA.laser
+    assert robot('extends: kachaka\nlaser: null').laser is None
+    assert robot('extends: kachaka\nlaser: {topic: scan}').laser == Laser('scan')
+    assert Laser('scan').sees_behind
+    assert not KACHAKA.laser.sees_behind
+    assert find_robot('turtlebot3').watching_laser().topic == 'scan'
+    assert robot(LEAST).laser is None
 
 
 def test_a_calibration_is_read_and_lowers_the_limits_to_plan_with(robot):
@@ -163,7 +177,8 @@ def test_both_calibrations_are_read_and_applied_one_after_the_other(robot):
     'odometry_calibration: {scale: 0.9}\n',
     "'odometry_calibration' : {\n  scale: 0.9\n}\n", ''])
 def test_a_calibration_replaces_one_of_its_kind_and_keeps_all_else(robot, tmp_path, before):
-    robot(f'extends: kachaka\n{before}# mine\ncalibration: {{left_gain: 0.9}}\n')
+    laser = 'laser:\n  topic: scan\n  margin: 7 cm\n'
+    robot(f'extends: kachaka\n{laser}{before}# mine\ncalibration: {{left_gain: 0.9}}\n')
     own = robot(calibrated_text(str(tmp_path / 'robot.yaml'), OdometryCalibration(
         1.02, 0.999, 1.03, 0.2, '2026-11-23')))
     assert own.calibration == Calibration(left_gain=0.9)
@@ -173,6 +188,7 @@ def test_a_calibration_replaces_one_of_its_kind_and_keeps_all_else(robot, tmp_pa
     again = robot(text)
     assert again.calibration == Calibration(1.1)
     assert again.odometry_calibration == own.odometry_calibration
+    assert again.laser == own.laser == Laser('scan', margin=0.07)
 
 
 #: Calibrations that are refused, each in one line.
@@ -208,6 +224,15 @@ MORE = (
     'odometry_topic: /odom',
     'max_speed: 1',
     'command_timeout: 1',
+    'laser: {}',
+    'laser: scan',
+    'laser: {topic: /scan}',
+    'laser: {topic: scan, yaw: 90}',
+    'laser: {topic: scan, margin: 1.5 m}',
+    'laser: {topic: scan, margin: -5 cm}',
+    'laser: {topic: scan, view: 0 deg}',
+    'laser: {topic: scan, view: 400 deg}',
+    'laser: {topic: scan, hight: 10 cm}',
 )
 
 

@@ -73,7 +73,8 @@ def test_each_robot_drives_its_motion_at_its_rate_under_its_limits(tmp_path):
     assert (first.simulation, second.simulation) == (IDEAL, SimulationParameters(lag=0.1))
     assert plan.simulated['b'] == (ORIGIN, SimulationParameters(lag=0.1))
     assert second.parameters == {
-        'robot': f'{tmp_path}/robot2.yaml', 'rate': 25.0, 'closed_loop': False}
+        'robot': f'{tmp_path}/robot2.yaml', 'rate': 25.0, 'closed_loop': False,
+        'watch': False}
 
 
 def test_robots_that_drive_the_same_share_one_plan():
@@ -129,6 +130,31 @@ def test_a_closed_loop_leaves_a_share_for_corrections_and_settles(tmp_path):
     assert robot.parameters['closed_loop'] is True
     assert robot.order.limits == robot.profile.planning_limits.slowed(0.5).scaled(0.9)
     assert robot.plan.steps[-1].duration == 2.0 * SETTLE_TIME
+
+
+def test_robots_are_watched_as_their_motions_say_or_all(tmp_path):
+    (tmp_path / 'watched.yaml').write_text('watch: true\nsteps: [{forward: 0.5 m}]\n')
+    file = read_fleet(
+        f'robots:\n  a: {{motion: {tmp_path}/watched.yaml}}\n'
+        '  b: {motion: straight, start: {y: 2 m}}\n', 'fleet.yaml')
+    for watch, watched in ((None, [True, False]), (True, [True, True]), (False, [False, False])):
+        plan = plan_fleet(file, watch=watch)
+        assert [robot.parameters['watch'] for robot in plan.robots] == watched
+        table = fleet_table(plan)
+        assert ('Watched: the laser sees 270 deg' in table) == any(watched)
+        assert ('safety device: a' in table.replace('\n', ' ')) == (watched == [True, False])
+
+
+def test_what_cannot_be_watched_is_refused_with_its_line(tmp_path):
+    (tmp_path / 'back.yaml').write_text('watch: true\nsteps:\n  - forward: -0.5 m\n')
+    with pytest.raises(FleetFileError) as refusal:
+        fleet(f'robots:\n  a: {{motion: {tmp_path}/back.yaml}}\n'
+              f'  b: {{motion: {tmp_path}/back.yaml, robot: generic}}\n')
+    first, second = str(refusal.value).split('\n')
+    assert first.startswith(
+        f'fleet.yaml:2: robots.a.motion: {tmp_path}/back.yaml:3: step 1: forward: driven back')
+    assert second.startswith(
+        f'fleet.yaml:3: robots.b.motion: {tmp_path}/back.yaml:1: watch: watch needs a laser')
 
 
 def test_near_passes_are_refused_at_the_second_robot_with_what_to_do():

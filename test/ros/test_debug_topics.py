@@ -106,7 +106,8 @@ def test_a_diagnosis_is_made_even_while_the_clock_of_ros_stands_still(listener, 
     values = figures(driving)
     assert list(values) == [
         'state', 'motion', 'step', 'late ticks', 'skipped ticks', 'subscribers',
-        'other publishers', 'guardian', 'odometry age', 'manual control', 'speed']
+        'other publishers', 'guardian', 'odometry age', 'manual control', 'speed',
+        'obstacle watch']
     assert values['motion'] == 'move_robot'
     assert values['step'] == '1 of 1'
     assert values['subscribers'] == '1'

@@ -69,12 +69,26 @@ def test_a_name_a_path_and_a_list_of_steps_are_motions(listener, make, tmp_path)
 @pytest.mark.needs('yaml', 'jsonschema')
 @pytest.mark.parametrize('line, text', [
     ('robot: turtlebot3', "own.yaml:1: robot: 'turtlebot3', and this node drives kachaka: leave"),
-    ('closed_loop: true', 'own.yaml:1: closed_loop: true, and the parameter closed_loop is f')])
+    ('closed_loop: true', 'own.yaml:1: closed_loop: true, and the parameter closed_loop is f'),
+    ('watch: true', 'own.yaml:1: watch: true, and the parameter watch is false: leave it out')])
 def test_a_file_for_another_robot_or_control_is_refused(make, tmp_path, line, text):
     (tmp_path / 'own.yaml').write_text(f'{line}\nsteps: [forward: 3 cm]\n')
     with pytest.raises(InvalidMotionError) as caught:
         make().run(tmp_path / 'own.yaml')
     assert text in str(caught.value)
+
+
+@pytest.mark.needs('yaml', 'jsonschema')
+def test_what_the_laser_does_not_see_is_refused_before_anything_is_sent(listener, make, tmp_path):
+    (tmp_path / 'back.yaml').write_text('steps: [forward: -3 cm]\n')
+    node = make(watch=True)
+    for drive in (
+            lambda: node.move_robot(-0.1, 0.0, 1.0), lambda: node.run([Forward(-0.1)]),
+            lambda: node.run(tmp_path / 'back.yaml'),
+            lambda: node.run(tmp_path / 'back.yaml', Limits(0.1, 1.0))):
+        with pytest.raises(InvalidMotionError, match='driven backwards, where the laser of kach'):
+            drive()
+    assert listener.received == []
 
 
 @pytest.mark.parametrize('rate', [0.0, 1.0, 2000.0, math.nan])

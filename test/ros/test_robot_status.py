@@ -18,7 +18,7 @@ from __future__ import annotations
 import dataclasses
 
 from kachaka_simple_control.control.diagnosis import Level
-from kachaka_simple_control.control.events import DriveState
+from kachaka_simple_control.control.events import DriveState, WatchChanged, WatchState
 from kachaka_simple_control.control.robot_drive import DriveProgress
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
@@ -69,6 +69,28 @@ def test_the_worst_is_the_message(changes, level, text):
     'paused', 'stopping', 'at rest', 'stopped early'))])
 def test_each_state_has_its_documented_text(state, text):
     assert diagnosis_of(dataclasses.replace(DRIVING, state=state)).values['state'] == text
+
+
+@pytest.mark.parametrize('watch, factors, state, level, message, text', [
+    (None, {}, 'driving', Level.OK, 'driving', 'off'),
+    ((WatchState.CLEAR,), {}, 'driving', Level.OK, 'driving', 'clear'),
+    ((WatchState.OBSTACLE, 0.312, 0.0), {'obstacle': 0.0},
+     'held obstacle 0.31 m ahead, goes on by itself', Level.OK,
+     'held obstacle 0.31 m ahead, goes on by itself', 'obstacle 0.31 m ahead, goes on by itself'),
+    ((WatchState.NO_SCAN,), {'obstacle': 0.0, 'pause': 0.0}, 'paused', Level.WARN,
+     'no scan of the laser, goes on with the next one; r goes on slowly',
+     'no scan of the laser, goes on with the next one; r goes on slowly'),
+    ((WatchState.BLIND,), {'obstacle': 0.3}, 'driving', Level.WARN,
+     'no scan of the laser: at 30 % until one comes',
+     'no scan of the laser: at 30 % until one comes')])
+def test_a_hold_by_the_obstacle_watch_is_told(watch, factors, state, level, message, text):
+    is_held = 0.0 in factors.values()
+    found = diagnosis_of(dataclasses.replace(
+        DRIVING, state=DriveState.PAUSED if is_held else DriveState.DRIVING, factors=factors,
+        watch=None if watch is None else WatchChanged(100.4, *watch)))
+    assert found[:2] == (level, message)
+    assert found.values['state'] == state
+    assert found.values['obstacle watch'] == text
 
 
 @pytest.mark.parametrize('plan_time, step', [
