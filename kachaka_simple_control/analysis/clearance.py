@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import math
 
 from kachaka_simple_control.analysis.pair_search import Near, PairSearch, Track
+from kachaka_simple_control.motion.floor import Floor
 from kachaka_simple_control.motion.geometry import (
     Area,
     compose,
@@ -101,12 +102,14 @@ class FleetView:
 
     :param margin: how near two outlines may come [m]
     :param passes: where they come nearer
+    :param obstacles: what stands on the floor; None if unknown
     """
 
     name: str
     robots: tuple[FloorRobot, ...]
     margin: float
     passes: tuple[NearPass, ...]
+    obstacles: Floor | None = None
 
 
 def near_passes(

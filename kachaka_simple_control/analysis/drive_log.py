@@ -21,6 +21,7 @@ from dataclasses import dataclass, field, replace
 from itertools import accumulate
 import math
 from operator import attrgetter
+from typing import NamedTuple
 
 from kachaka_simple_control.control.events import (
     Event,
@@ -28,10 +29,13 @@ from kachaka_simple_control.control.events import (
     MotionPlanned,
     MotionStarted,
     OdometryReceived,
+    ScanReceived,
     SessionEnded,
     SessionStarted,
     SpeedFactorChanged,
     VelocitySent,
+    WatchChanged,
+    WatchState,
 )
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
 from kachaka_simple_control.motion.steps import Step
@@ -153,6 +157,17 @@ class StepLog:
         return self.sent[-1].time - self.began if self.sent else 0.0
 
 
+class WatchLog(NamedTuple):
+    """
+    What the obstacle watch has said, and what the laser had seen.
+
+    :param scan: the newest one, only when an obstacle has come into the way; otherwise None
+    """
+
+    change: WatchChanged
+    scan: ScanReceived | None = None
+
+
 @dataclass
 class MotionLog:
     """
@@ -163,10 +178,12 @@ class MotionLog:
     :param ended: [s]; None before the end
     :param reason: the reason for an early end; None if the motion was driven to its end
     :param is_fault: whether a fault, and not a request to stop, caused the early end
+    :param watched: what the obstacle watch said, from before t = 0 on, in order
     """
 
     planned: MotionPlanned
     sent: list[VelocitySent] = field(default_factory=list)
+    watched: list[WatchLog] = field(default_factory=list)
     began: float = math.nan
     ended: float | None = None
     reason: str | None = None
@@ -254,6 +271,9 @@ class DriveLog:
     other_messages: list[VelocitySent] = field(default_factory=list)
     #: the current motion; None before the first motion and in a drive without a plan
     _motion: MotionLog | None = field(default=None, init=False, repr=False)
+    #: the newest scan, and what the obstacle watch said last
+    _scan: ScanReceived | None = field(default=None, init=False, repr=False)
+    _watch: WatchLog | None = field(default=None, init=False, repr=False)
 
     @property
     def steps(self) -> list[StepLog]:
@@ -272,7 +292,7 @@ class DriveLog:
         started = self.session_started
         return math.inf if started is None else started.command_timeout
 
-    def on_event(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:  # noqa: C901 (one case a kind)
         """Add an event of the drive, such as a sent velocity or an odometry sample, to the log."""
         match event:
             case VelocitySent():
@@ -281,8 +301,13 @@ class DriveLog:
                 self.odometry.append(event)
             case SpeedFactorChanged():
                 self.speed_changes.append(event)
+            case ScanReceived():
+                self._scan = event
+            case WatchChanged():
+                self._on_watch(event)
             case MotionPlanned():
-                self._motion = MotionLog(event)
+                # The watch begins anew with each motion, and says first what is not clear.
+                self._motion, self._watch = MotionLog(event), None
                 self.motions.append(self._motion)
             case MotionStarted() if not event.has_plan:
                 self._motion = None
@@ -295,6 +320,13 @@ class DriveLog:
                 self.session_started = event
             case SessionEnded():
                 self.session_ended = event
+
+    def _on_watch(self, event: WatchChanged) -> None:
+        before = None if self._watch is None else self._watch.change.state
+        is_new = event.state is WatchState.OBSTACLE and before is not event.state
+        self._watch = WatchLog(event, self._scan if is_new else None)
+        if self._motion is not None:
+            self._motion.watched.append(self._watch)
 
     def _on_velocity(self, event: VelocitySent) -> None:
         if event.expected is not None:

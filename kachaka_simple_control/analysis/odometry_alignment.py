@@ -164,6 +164,25 @@ class AlignedDrive:
             return [(start.time or 0.0) + time for time in plan_times]
         return [timeline.time(time) - self.start_time for time in plan_times]
 
+    def odometry_at(self, time: float) -> Pose | None:
+        """
+        Return the pose by odometry at a time [s on the steady clock]; None without odometry.
+
+        It is relative to that at t = 0, and interpolated; that of the first or the last sample
+        before and after all.
+        """
+        samples, time = self.odometry, time - self.start_time
+        if not samples:
+            return None
+        index = bisect_left(samples, time, key=attrgetter('time'))
+        if index in (0, len(samples)):
+            return samples[max(0, index - 1)].pose
+        before, after = samples[index - 1], samples[index]
+        part = (time - before.time) / (after.time - before.time)
+        one, two = before.pose, after.pose
+        return Pose(one.x + part * (two.x - one.x), one.y + part * (two.y - one.y),
+                    one.theta + part * (two.theta - one.theta))
+
     def _motion_starts(self, motions: Sequence[MotionLog]) -> list[MotionStart]:
         starts: list[MotionStart] = []
         for motion in motions:

@@ -30,6 +30,8 @@ from typing import NamedTuple
 
 from kachaka_simple_control.analysis.flows import repetition_key
 from kachaka_simple_control.control.tick_scheduler import TIME_TOLERANCE
+from kachaka_simple_control.files.robot_profile import Laser
+from kachaka_simple_control.motion.floor import Floor
 from kachaka_simple_control.motion.geometry import (
     Area,
     compose,
@@ -50,6 +52,9 @@ class PlanView:
     A plan, together with the names, limits and outline that tables and plots show.
 
     :param footprint: the robot's outline from above; None if unknown
+    :param laser: the laser of the obstacle watch; None without a watch
+    :param obstacles: what stands on the floor, in the frame in which the robot starts; None if
+        unknown
     """
 
     name: str
@@ -57,6 +62,8 @@ class PlanView:
     plan: Plan
     limits: Limits
     footprint: Footprint | None = None
+    laser: Laser | None = None
+    obstacles: Floor | None = None
 
     @property
     def rate(self) -> float:

@@ -25,6 +25,7 @@ import signal
 
 from kachaka_simple_control.analysis.drive_log import DriveLog, MotionLog
 from kachaka_simple_control.analysis.message_timing import Timing, timing
+from kachaka_simple_control.analysis.obstacle_holds import Hold, obstacle_holds
 from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive, OdometrySample
 from kachaka_simple_control.analysis.plan_view import estimate_sleep_loop, SleepLoopEstimate
 from kachaka_simple_control.analysis.step_results import step_results, StepResult
@@ -242,10 +243,15 @@ class Summary:
         return speed_intervals(self.log)
 
     @cached_property
+    def holds(self) -> list[Hold]:
+        """Return when an obstacle watch held the robot, in order; empty without a watch."""
+        return obstacle_holds(self.log, self.aligned)
+
+    @cached_property
     def _step_numbers(self) -> dict[int, int]:
         return {id(step.log.planned): number for number, step in enumerate(self.steps, 1)}
 
-    def step_number(self, interval: SpeedInterval) -> int | None:
+    def step_number(self, interval: SpeedInterval | Hold) -> int | None:
         """Return the number, from 1 over all motions, of the step of an interval; or None."""
         return self._step_numbers.get(id(interval.step))
 

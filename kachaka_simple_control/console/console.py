@@ -62,6 +62,7 @@ from kachaka_simple_control.files.protocol import (
     Resume,
     Robot,
     Run,
+    Scan,
     Sent,
     Speed,
     Stamp,
@@ -229,6 +230,8 @@ class Console(BaseConsole):
             case State():
                 self._state = report
                 self._show()
+            case Scan():
+                self.pages.send_if_free(report)
             case Log():
                 self.pages.log(report)
             case Sent():
@@ -246,7 +249,8 @@ class Console(BaseConsole):
             self._last_hand = None
             self.reports.note_end()
             self._state = replace(
-                self._state, state='ended', velocity=(0.0, 0.0), reason=self.drive.reason)
+                self._state, state='ended', velocity=(0.0, 0.0), reason=self.drive.reason,
+                watch=None, held_by=None)
             if self.drive.reason:
                 self.pages.log(Log('warning', self.drive.reason))
         self._show()

@@ -45,9 +45,12 @@ from kachaka_simple_control.files.document import FileError
 from kachaka_simple_control.files.fleet_file import find_fleet
 from kachaka_simple_control.files.robot_profile import find_robot
 from kachaka_simple_control.kachaka.program import (
+    add_floor_option,
     add_simulation_options,
     address_argument,
     ExitError,
+    find_option_floor,
+    floor_words,
     listen_problem,
     simulation_parameters,
     simulation_words,
@@ -113,6 +116,7 @@ def parse(args: Sequence[str]) -> argparse.Namespace:
         _refuse_one_robot(parser, options, simulation)
     elif options.allow_near:
         parser.error('--allow-near is about the robots of --fleet')
+    simulation = (*simulation, *floor_words(vars(options)))
     if simulation and not options.sim:
         parser.error(f'{simulation[0].partition("=")[0]} is about the simulated robot of --sim')
     simulation_parameters(parser, options)
@@ -177,7 +181,7 @@ def run(
 
 def _require_usable(options: argparse.Namespace, reports: Reports) -> None:
     """
-    Refuse a robot, a fleet and a folder of reports with which each drive process would fail.
+    Refuse files and a folder of reports with which each drive process would fail.
 
     :raises ExitError: if there is none of this name, its file is invalid, or no report can be
         written
@@ -187,6 +191,7 @@ def _require_usable(options: argparse.Namespace, reports: Reports) -> None:
             find_robot(options.robot)
         if options.fleet is not None:
             find_fleet(options.fleet)
+        find_option_floor(options)
         reports.require_writable()
     except FileError as error:
         # One line, also for a profile with several problems.
@@ -229,6 +234,7 @@ def _parser() -> OneLineParser:
         help='with --fleet: drive also where two robots come closer than the margin')
     group = parser.add_argument_group('errors of the simulated robot, with --sim')
     add_simulation_options(group, 'the simulated robot')
+    add_floor_option(group, 'a simulated robot')
     # For a drive with --console, which starts this program.
     add('--beside', type=_beside, help=argparse.SUPPRESS)
     add(ROS_ARGUMENTS, action='store_true', default=argparse.SUPPRESS,

@@ -104,7 +104,8 @@ class FleetConsole(BaseConsole):
             self._state = FleetState('standing by')
         elif self.drive.state == 'ended':
             self.reports.note_end()
-            self._state = replace(self._state, state='ended', reason=self.drive.reason)
+            self._state = replace(
+                self._state, state='ended', reason=self.drive.reason, watch=None, held_by=None)
             if self.drive.reason:
                 self.pages.log(Log('warning', self.drive.reason))
         self._show()

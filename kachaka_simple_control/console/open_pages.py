@@ -100,6 +100,12 @@ class OpenPages:
             if entry.shown is not None:
                 page.send(message)
 
+    def send_if_free(self, message: Message) -> None:
+        """Send a message, which a newer one replaces, to each page that is not behind."""
+        for page, entry in tuple(self._pages.items()):
+            if entry.shown is not None and not page.is_behind:
+                page.send(message)
+
     def log(self, line: Log) -> None:
         """Send each page a line of the log, and keep it for new ones."""
         self.log_lines.append(line)

@@ -46,6 +46,7 @@ from kachaka_simple_control.files.protocol import (
     Request,
     Resume,
     Robot,
+    Scan,
     Speed,
     Stamp,
     State,
@@ -308,7 +309,7 @@ PAGE_MESSAGES: dict[str, type[Message]] = by_type((
     SaveFile, OpenFile, ListMotions, Record))
 #: The classes of messages to the page, by type.
 CONSOLE_MESSAGES: dict[str, type[Message]] = by_type((
-    Welcome, Robot, StateChanges, Stamp, PageAnswer, Preview, FileText, Motions, Log, Driven,
+    Welcome, Robot, StateChanges, Scan, Stamp, PageAnswer, Preview, FileText, Motions, Log, Driven,
     Recorded))
 
 

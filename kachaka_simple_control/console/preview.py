@@ -59,7 +59,8 @@ def preview(number: int, text: str, robot: str | None = None, name: str = 'motio
     try:
         file = loads(text, name)
         profile = _profile(file, robot)
-        plan = file.order(profile, file.rate or DEFAULT_RATE, closed_loop=False).plan
+        plan = file.order(
+            profile, file.rate or DEFAULT_RATE, closed_loop=False, watch=bool(file.watch)).plan
     except FileError as error:
         problems = error.problems[:MAX_ERRORS]
         return Preview(number, tuple(LineError(part.line, str(part)) for part in problems), None)

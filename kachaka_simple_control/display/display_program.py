@@ -294,7 +294,7 @@ class TerminalDisplay:
         with self._lock:
             status = self._tracker.status_at(now)
         self._renderer.show(
-            status, now, stop_hint(self._parent, self._tracker, status.is_held))
+            status, now, stop_hint(self._parent, self._tracker, status.waits_for_resume))
 
 
 def describe_killed(tracker: DriveTracker | FleetTracker) -> str:
@@ -311,15 +311,16 @@ def describe_killed(tracker: DriveTracker | FleetTracker) -> str:
     return f'{killed} in mid-motion, and has no guardian: nothing but the robot itself stops it'
 
 
-def stop_hint(pid: int, tracker: DriveTracker | FleetTracker, is_held: bool) -> str:
+def stop_hint(
+        pid: int, tracker: DriveTracker | FleetTracker, waits_for_resume: bool) -> str:
     """Return a short text that says how to stop the robot, and which other keys there are."""
     if processes.is_in_background(pid):
         return f'`kill {pid}` stops {tracker.what}'
     if not tracker.has_keys:
         return f'Ctrl+C stops {tracker.what}'
     if isinstance(tracker, FleetTracker):  # its speed is chosen before the start
-        return f'{"r resumes" if is_held else "space pauses"}, Ctrl+C stops all'
-    return f'{"r resumes" if is_held else "space pauses"}, + - speed, q stops'
+        return f'{"r resumes" if waits_for_resume else "space pauses"}, Ctrl+C stops all'
+    return f'{"r resumes" if waits_for_resume else "space pauses"}, + - speed, q stops'
 
 
 def main() -> int:

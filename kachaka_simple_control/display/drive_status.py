@@ -20,9 +20,10 @@ from dataclasses import dataclass
 
 from kachaka_simple_control.analysis.step_results import driven
 from kachaka_simple_control.control import events
-from kachaka_simple_control.control.events import DriveState
+from kachaka_simple_control.control.events import DriveState, WatchChanged, WatchState
+from kachaka_simple_control.control.hold_text import describe_hold, HELD
 from kachaka_simple_control.control.robot_drive import LATE
-from kachaka_simple_control.control.speed_factor import is_hold, product
+from kachaka_simple_control.control.speed_factor import is_hold, OBSTACLE, product
 from kachaka_simple_control.control.timing import ODOMETRY_MAX_AGE
 from kachaka_simple_control.motion.geometry import Displacement, Velocity
 from kachaka_simple_control.motion.plan import Plan, plan
@@ -98,6 +99,7 @@ class DriveStatus:
     :param silent_for: since the last velocity [s]; None up to EVENT_TIMEOUT (1 s), or at rest
     :param lateness: the largest of the newest velocities [s], by ``ProgressMade``
     :param is_late: whether this counts as late
+    :param watch: what the obstacle watch says; None without one
     """
 
     state: DriveState
@@ -116,11 +118,28 @@ class DriveStatus:
     silent_for: float | None
     lateness: float = 0.0
     is_late: bool = False
+    watch: WatchChanged | None = None
 
     @property
-    def is_held(self) -> bool:
-        """Return whether the speed factor is so low that the robot is kept at standstill."""
-        return is_hold(self.speed)
+    def held_by(self) -> str:
+        """Return why only the obstacle watch holds the robot; empty if it does not."""
+        return describe_hold(self.state, self.factors, self.watch)
+
+    @property
+    def has_own_hold(self) -> bool:
+        """Return whether its own watch holds the robot, and not only that of another robot."""
+        return bool(self.held_by) and is_hold(self.factors.get(OBSTACLE, 1.0))
+
+    @property
+    def word(self) -> str:
+        """Return the word for the state: that of the ``DriveState``, or ``held``."""
+        return HELD if self.held_by else self.state.value
+
+    @property
+    def waits_for_resume(self) -> bool:
+        """Return whether the robot is held until somebody resumes, or could go on so."""
+        is_silent = self.watch is not None and self.watch.state is WatchState.NO_SCAN
+        return is_hold(self.speed) and (not self.held_by or is_silent)
 
     @property
     def speed(self) -> float:
@@ -192,6 +211,7 @@ class DriveTracker:
         #: the newest velocity message of the current drive
         self._own: events.VelocitySent | events.ProgressMade | None = None
         self._factors: Mapping[str, float] = {}
+        self._watch: events.WatchChanged | None = None
         self._ended: events.MotionEnded | None = None
         self._motion_count = 0
         self._sent: events.VelocitySent | events.ProgressMade | None = None
@@ -203,7 +223,7 @@ class DriveTracker:
         #: the last event of the program; None if the program still runs or was killed
         self.session_ended: events.SessionEnded | None = None
 
-    def on_event(self, event: events.Event) -> None:
+    def on_event(self, event: events.Event) -> None:  # noqa: C901 (one case a kind)
         """Update the status of the drive from an event, such as a sent velocity."""
         match event:
             case events.VelocitySent() | events.ProgressMade():
@@ -218,6 +238,8 @@ class DriveTracker:
                 self._on_state(event)
             case events.SpeedFactorChanged():
                 self._factors = event.factors
+            case events.WatchChanged():
+                self._watch = event
             case events.MotionEnded():
                 self._ended = event
             case events.SessionStarted():
@@ -246,7 +268,8 @@ class DriveTracker:
             factors=self._factors,
             silent_for=self._silence(now),
             lateness=self._lateness,
-            is_late=self._planned is not None and self._lateness >= LATE / self._planned.rate)
+            is_late=self._planned is not None and self._lateness >= LATE / self._planned.rate,
+            watch=self._watch)
 
     @property
     def motion_count(self) -> int:
@@ -270,6 +293,7 @@ class DriveTracker:
 
     def _on_plan(self, event: events.MotionPlanned) -> None:
         self._planned, self._started, self._ended = event, None, None
+        self._watch = None  # it begins anew
         self._stop_time = None
         # Corners are made of messages, so their times depend on the rate.
         self._plan = event.plan if event.carried or event.motion.corners else plan(

@@ -22,7 +22,8 @@ from __future__ import annotations
 import os
 
 from kachaka_simple_control.control.events import DriveState
-from kachaka_simple_control.control.speed_factor import describe_factors, PAUSE
+from kachaka_simple_control.control.hold_text import is_of_watch
+from kachaka_simple_control.control.speed_factor import describe_factors, is_hold, PAUSE
 from kachaka_simple_control.display.drive_status import DriveStatus
 from kachaka_simple_control.display.fleet_status import describe_states, FleetStatus, RobotRow
 from kachaka_simple_control.display.panel import BLUE, GREY, MAX_COLUMNS, ORANGE, STATE_STYLES
@@ -65,8 +66,10 @@ def render_fleet(
 
 
 def _head(status: FleetStatus, hint: str, line: str, width: int) -> list[Part]:
-    slower = describe_factors(
-        {name: factor for name, factor in status.factors.items() if name != PAUSE})
+    # The rows show pauses and holds.
+    slower = describe_factors({
+        name: factor for name, factor in status.factors.items()
+        if name != PAUSE and not (is_of_watch(name) and is_hold(factor))})
     texts = [f'{format_fixed(status.elapsed, 1)} s of {format_fixed(status.duration, 1)} s']
     if status.rounds > 1:
         texts.append(f'round {max(1, status.round_number)} of {status.rounds}')
@@ -88,7 +91,7 @@ def _row(row: RobotRow, name_width: int, done: str, rest: str, width: int) -> li
     name = one_line(row.name, name_width)
     parts: list[Part] = [
         (f'{name}{" " * (name_width - width_of(name))} ', 'bold'),
-        (f' {status.state.value.upper():{STATE_WIDTH - 2}} ',
+        (f' {status.word.upper():{STATE_WIDTH - 2}} ',
          STATE_STYLES.get(status.state, 'reverse')),
         (f' {100.0 * _fraction(status):3.0f} %  ', '')]
     if not row.trouble:

@@ -27,7 +27,7 @@ from kachaka_simple_control.control.events import (
     RobotEvent,
     SessionEnded,
 )
-from kachaka_simple_control.control.speed_factor import is_hold, product
+from kachaka_simple_control.control.hold_text import HELD
 from kachaka_simple_control.display.drive_status import DriveStatus, DriveTracker
 from kachaka_simple_control.text import format_fixed, pluralize
 
@@ -86,9 +86,9 @@ class FleetStatus:
                    key=_ORDER.index)
 
     @property
-    def is_held(self) -> bool:
-        """Return whether the speed factor is so low that robots are kept at standstill."""
-        return is_hold(product(self.factors))
+    def waits_for_resume(self) -> bool:
+        """Return whether a robot is held until somebody resumes, or could go on so."""
+        return any(row.status.waits_for_resume for row in self.rows)
 
 
 class FleetTracker:
@@ -161,15 +161,17 @@ class FleetTracker:
         if status.is_late and status.state is DriveState.DRIVING:
             return RobotRow(
                 name, status, f'late by {format_fixed(1e3 * status.lateness, 1)} ms', True)
-        return RobotRow(name, status)
+        return RobotRow(name, status, status.held_by, status.has_own_hold)
 
 
 def describe_states(rows: Sequence[RobotRow]) -> str:
     """Return in which states robots are, as in ``40 driving, 3 stopped``; one without a count."""
-    counts = Counter(row.status.state for row in rows)
+    counts = Counter(row.status.word for row in rows)
     if len(counts) == 1:
-        return next(iter(counts)).value
-    return ', '.join(f'{counts[state]} {state.value}' for state in _ORDER if counts[state])
+        return next(iter(counts))
+    return ', '.join(
+        f'{counts[word]} {word}' for word in (HELD, *(state.value for state in _ORDER))
+        if counts[word])
 
 
 class FleetLogger:

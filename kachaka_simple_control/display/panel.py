@@ -23,7 +23,8 @@ import math
 import textwrap
 
 from kachaka_simple_control.control.events import DriveState
-from kachaka_simple_control.control.speed_factor import describe_factors, PAUSE
+from kachaka_simple_control.control.hold_text import describe_watch, is_of_watch
+from kachaka_simple_control.control.speed_factor import describe_factors, OBSTACLE, PAUSE
 from kachaka_simple_control.display.drive_status import DISPLAY_ODOMETRY_MAX_AGE, DriveStatus
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.text import format_fixed, one_line
@@ -93,7 +94,7 @@ def _head(status: DriveStatus, hint: str, line: str, width: int) -> Text:
 
 
 def _state(status: DriveStatus, width: int) -> list[Text]:
-    word = f' {status.state.value.upper()} '
+    word = f' {status.word.upper()} '
     text = _state_text(status)
     style = STATE_STYLES.get(status.state, 'bold reverse')
     if status.state is not DriveState.CUT_SHORT:
@@ -110,11 +111,8 @@ def _state_text(status: DriveStatus) -> str:
     if status.silent_for is not None:
         return f'no message for {status.silent_for:.0f} s: the program is held up'
     if status.state in (DriveState.DRIVING, DriveState.PAUSED) and status.step is not None:
-        # The state word already shows a pause.
-        slower = describe_factors(
-            {name: factor for name, factor in status.factors.items() if name != PAUSE})
-        return (f'{status.step.label}: {status.step.description}'
-                f'{f" ({slower})" if slower else ""}')
+        return (status.held_by or f'{status.step.label}: {status.step.description}') + (
+            _slower(status))
     if status.state is DriveState.WAITING and status.wait_left is not None:
         return f'{_TEXTS[status.state]}, {math.ceil(status.wait_left)} s left'
     if status.state is DriveState.CUT_SHORT:
@@ -123,6 +121,17 @@ def _state_text(status: DriveStatus) -> str:
             and status.odometry_age < DISPLAY_ODOMETRY_MAX_AGE):
         return 'odometry shows standstill'
     return _TEXTS.get(status.state, '')
+
+
+def _slower(status: DriveStatus) -> str:
+    """Return who makes the robot slower, but for a hold: the word of the state shows that."""
+    is_blind = status.state is DriveState.DRIVING and OBSTACLE in status.factors
+    blind = describe_watch(status.watch, status.factors) if is_blind else ''
+    others = describe_factors({
+        name: factor for name, factor in status.factors.items()
+        if name != PAUSE and not ((blind or status.held_by) and is_of_watch(name))})
+    slower = ', '.join(filter(None, (blind, others)))
+    return f' ({slower})' if slower else ''
 
 
 def _bar(status: DriveStatus, done_sign: str, rest_sign: str, width: int) -> Text:

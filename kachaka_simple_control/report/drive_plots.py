@@ -122,7 +122,8 @@ def _plots(summary: Summary) -> dict[str, Callable[[Figure], None]]:
     limits = common_limits(log)
     footprint = None if session is None else session.footprint
     plots: dict[str, Callable[[Figure], None]] = {
-        PATH: lambda figure: draw_drive_path(figure, aligned, footprint),
+        PATH: lambda figure: draw_drive_path(
+            figure, aligned, footprint, summary.holds, None if session is None else session.floor),
         VELOCITIES: lambda figure: draw_drive_velocities(
             figure, aligned, limits, [part for part in summary.speed if part.is_pause])}
     if aligned.odometry:

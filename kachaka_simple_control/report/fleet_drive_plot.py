@@ -26,6 +26,7 @@ import math
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.analysis.fleet_summary import RobotSummary
+from kachaka_simple_control.analysis.obstacle_holds import Hold
 from kachaka_simple_control.motion.geometry import (
     compose,
     Footprint,
@@ -43,10 +44,18 @@ from kachaka_simple_control.report.map_plot import (
     draw_legend,
     HEADING_LENGTH,
     LABEL,
+    LEGEND_ROW,
     MAP_GRAIN,
     MAP_LEFT,
     MAX_POINTS,
     path_lines,
+)
+from kachaka_simple_control.report.obstacle_plot import (
+    draw_floor,
+    draw_holds,
+    floor_points,
+    floor_rows,
+    hold_points,
 )
 from kachaka_simple_control.report.plot_style import draw_figure, draw_line, file_of, LOOKS
 
@@ -72,6 +81,7 @@ class _RobotOnFloor:
     start: Pose
     end: Pose
     lines: dict[str, list[Point]]
+    holds: Sequence[Hold]
 
 
 def draw_fleet_plots(robots: Sequence[RobotSummary]) -> DrivePlots:
@@ -94,10 +104,18 @@ def draw_fleet_paths(figure: Figure, robots: Sequence[RobotSummary]) -> None:
     :param figure: an empty figure
     """
     placed = [_place(robot) for robot in robots]
-    axes, size = add_map(figure, [
+    floor = next((session.floor for robot in robots if (
+        session := robot.log.session_started) is not None and session.floor is not None), None)
+    shown = [
         *chain.from_iterable(chain.from_iterable(robot.lines.values()) for robot in placed),
         *chain.from_iterable(
-            outlines(robot.footprint, (robot.start, robot.end)) for robot in placed)], BOTTOM)
+            outlines(robot.footprint, (robot.start, robot.end)) for robot in placed),
+        *chain.from_iterable(
+            hold_points(robot.holds, robot.footprint, robot.start) for robot in placed)]
+    rows = any(robot.holds for robot in placed) + floor_rows(floor)
+    axes, size = add_map(
+        figure, [*shown, *floor_points(floor, shown)], BOTTOM + LEGEND_ROW * rows)
+    draw_floor(axes, floor)
     is_crowded = len(placed) > MANY_ROBOTS
     for number, robot in enumerate(placed):
         for name, points in robot.lines.items():
@@ -108,6 +126,7 @@ def draw_fleet_paths(figure: Figure, robots: Sequence[RobotSummary]) -> None:
     draw_fleet_robots(
         axes, [(robot.footprint, robot.start, robot.end) for robot in placed],
         size * HEADING_LENGTH)
+    draw_holds(axes, [(robot.footprint, robot.holds, robot.start) for robot in placed])
     draw_labels(
         axes, [(robot.name, (robot.start.x, robot.start.y), robot.start.theta + math.pi)
                for robot in placed], {**LABEL, 'gid': 'robot'})
@@ -123,4 +142,4 @@ def _place(robot: RobotSummary) -> _RobotOnFloor:
         robot.member.name, None if session is None else session.footprint, start,
         compose(start, end),
         {name: [transform_point(point, start) for point in lines[name]]
-         for name in ('planned', 'odometry') if name in lines})
+         for name in ('planned', 'odometry') if name in lines}, robot.holds)

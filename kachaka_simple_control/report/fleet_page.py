@@ -23,7 +23,12 @@ from kachaka_simple_control.analysis.fleet_summary import FleetSummary, RobotSum
 from kachaka_simple_control.analysis.summary import OutcomeKind
 from kachaka_simple_control.motion.geometry import Displacement
 from kachaka_simple_control.motion.units import format_number
-from kachaka_simple_control.report.html_page import render_template, SIGNS, UNKNOWN
+from kachaka_simple_control.report.html_page import (
+    ends_of,
+    render_template,
+    SIGNS,
+    UNKNOWN,
+)
 from kachaka_simple_control.report.json_export import start_datetime
 from kachaka_simple_control.text import format_fixed
 
@@ -78,6 +83,9 @@ def render_fleet_page(
         settings=_common([{} if session is None else session.settings for session in sessions]),
         versions=_common([{} if session is None else session.versions for session in sessions]),
         on_fault=GO_ON if fleet.started.goes_on else STOP_ALL, worst=fleet.worst_lateness,
+        holds=ends_of(sorted(
+            ((robot.member.name, hold) for robot in robots for hold in robot.holds),
+            key=lambda held: held[1].begin)),
         plots=plots, no_plots=no_plots, recording=recording)
 
 

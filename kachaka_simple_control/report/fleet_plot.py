@@ -41,6 +41,7 @@ from kachaka_simple_control.report.map_plot import (
     set_map_limits,
     TALLEST,
 )
+from kachaka_simple_control.report.obstacle_plot import draw_floor, floor_points
 from kachaka_simple_control.report.output_file import check_plot_file, save_figure
 from kachaka_simple_control.report.plan_plot import RESOLUTION
 from kachaka_simple_control.report.plot_style import add_axes, Colour, draw_figure, draw_line
@@ -88,14 +89,15 @@ def draw_fleet(view: FleetView) -> Figure:
 
 
 def _draw(figure: Figure, view: FleetView) -> None:
-    area = extent(
-        [*_needed(view), *(near.place for near in view.passes)], FLATTEST, TALLEST)
+    shown = [*_needed(view), *(near.place for near in view.passes)]
+    area = extent([*shown, *floor_points(view.obstacles, shown)], FLATTEST, TALLEST)
     width = WIDTH - LEFT - RIGHT
     height = width * area.height / area.width
     figure.set_size_inches(WIDTH, BOTTOM + height + TOP)
     axes = add_axes(figure, LEFT, BOTTOM, width, height)
     size = max(area.width, area.height)
     set_map_limits(axes, area, size / TICKS)
+    draw_floor(axes, view.obstacles)
     for number, robot in enumerate(view.robots):
         colour = COLOURS[number % len(COLOURS)]
         segments: list[PathPart] = [

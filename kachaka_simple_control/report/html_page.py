@@ -95,10 +95,10 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
         began=began and began.astimezone().isoformat(' ', 'seconds'), silence=_silence(summary),
         poses=list(_poses(summary)), steps=steps, all_steps=all_steps, shown=SHOWN,
         band=round(summary.aligned.time_span / BANDS, 1), is_dense=is_dense(summary.aligned),
-        motions=_ends(summary.log.motions), shows_motions=_shows_motions(summary),
+        motions=ends_of(summary.log.motions), shows_motions=_shows_motions(summary),
         has_motions=len({step.motion for step in summary.steps}) > 1, robot=_robot(summary),
         description=_description(summary), extra=1e3 * LOOP_OVERHEAD, in_flow=IN_FLOW,
-        describe_flow=describe_flow, speed=_ends(summary.speed))
+        describe_flow=describe_flow, speed=ends_of(summary.speed), holds=ends_of(summary.holds))
 
 
 def render_template(name: str, **values: object) -> str:
@@ -202,7 +202,7 @@ def _silence(summary: Summary) -> tuple[float, float] | None:
     return (seen.time, last) if seen.time < last - 0.5 else None
 
 
-def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
+def ends_of(rows: Sequence[T]) -> list[tuple[int, T | None]]:
     """
     Add a number to each row of a table, from 1, and leave out the middle of a long table.
 

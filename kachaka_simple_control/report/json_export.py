@@ -29,6 +29,7 @@ from typing import Any
 from kachaka_simple_control.analysis.drive_log import MotionLog
 from kachaka_simple_control.analysis.fleet_summary import FleetSummary
 from kachaka_simple_control.analysis.message_timing import Quantiles
+from kachaka_simple_control.analysis.obstacle_holds import Hold
 from kachaka_simple_control.analysis.step_results import Result, StepResult
 from kachaka_simple_control.analysis.summary import (
     Outcome,
@@ -116,6 +117,7 @@ def fields(summary: Summary, recording: str | None) -> Fields:
             'end_distance_m': summary.sleep_loop.distance,
             'end_angle_rad': summary.sleep_loop.angle},
         **_speed(summary),
+        **({'holds': [_hold(summary, hold) for hold in summary.holds]} if summary.holds else {}),
         'motions': [_motion(motion, summary.aligned.start_time) for motion in log.motions],
         'steps': [_step(number, step, summary.aligned.start_time)
                   for number, step in enumerate(summary.steps, 1)],
@@ -205,13 +207,25 @@ def _speed(summary: Summary) -> Fields:
 
 def _interval(summary: Summary, interval: SpeedInterval) -> Fields:
     begin = interval.begin - summary.aligned.start_time
-    motion = next(number for number, motion in enumerate(summary.log.motions, 1)
-                  if motion is interval.motion)
     return {
-        'motion': motion, 'step': summary.step_number(interval), 'path': interval.step.path,
+        'motion': _number(summary, interval.motion), 'step': summary.step_number(interval),
+        'path': interval.step.path,
         'factor': interval.factor, 'factors': interval.factors, 'is_pause': interval.is_pause,
         'begin_s': begin, 'end_s': begin + interval.end - interval.begin,
         'plan_begin_s': interval.plan_begin, 'plan_end_s': interval.plan_end}
+
+
+def _hold(summary: Summary, hold: Hold) -> Fields:
+    return {
+        'motion': _number(summary, hold.motion), 'step': summary.step_number(hold),
+        'path': hold.step.path, 'state': hold.state.value, 'reason': hold.reason,
+        'begin_s': hold.begin, 'end_s': hold.end, 'plan_s': hold.plan_time,
+        'distance_m': hold.distance, 'angle_rad': hold.angle, 'pose': _pose(hold.pose)}
+
+
+def _number(summary: Summary, motion: MotionLog) -> int:
+    return next(number for number, other in enumerate(summary.log.motions, 1)
+                if other is motion)
 
 
 def _quantiles(quantiles: Quantiles | None) -> Fields | None:

@@ -24,7 +24,9 @@ from itertools import chain, groupby, pairwise
 import math
 from typing import Any, NamedTuple, TYPE_CHECKING
 
+from kachaka_simple_control.analysis.obstacle_holds import Hold
 from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive
+from kachaka_simple_control.motion.floor import Floor
 from kachaka_simple_control.motion.geometry import (
     Area,
     Footprint,
@@ -35,6 +37,13 @@ from kachaka_simple_control.motion.geometry import (
     transform_point,
 )
 from kachaka_simple_control.motion.paths import distinct, PathPart, simplify, step_segments
+from kachaka_simple_control.report.obstacle_plot import (
+    draw_floor,
+    draw_holds,
+    floor_points,
+    floor_rows,
+    hold_points,
+)
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     Colour,
@@ -67,6 +76,8 @@ TOP = 0.1
 #: The lower edge of the legend.
 LEGEND = 0.02
 MAP_LEFT, MAP_RIGHT, MAP_BOTTOM = 0.72, 0.12, 1.12
+#: The height of a row of the legend.
+LEGEND_ROW = 0.17
 #: The smallest and the largest ratio of height to width of a map.
 FLATTEST, TALLEST = 0.42, 1.15
 #: The approximate number of ticks on the longer axis of a map.
@@ -297,26 +308,36 @@ def draw_arrows(axes: Axes, poses: Sequence[Pose], colour: str) -> None:
                   markeredgewidth=0.0, zorder=4.5, gid='arrow')
 
 
-def draw_drive_path(figure: Figure, aligned: AlignedDrive, footprint: Footprint | None) -> None:
+def draw_drive_path(
+        figure: Figure, aligned: AlignedDrive, footprint: Footprint | None,
+        holds: Sequence[Hold] = (), floor: Floor | None = None) -> None:
     """
     Draw a map of a drive's path, and set the size of the figure.
 
     The map shows the path as planned, as sent and from odometry.  It also shows the step numbers,
-    the direction of travel, and the robot at its start and at its end.
+    the direction of travel, the robot at its start and at its end, and where it was held.
 
     :param figure: an empty figure
     :param footprint: the robot's outline, seen from above; None if it is not known
+    :param holds: by an obstacle watch
+    :param floor: what stands on it; None if unknown
     """
     planned = _planned(aligned)
     lines = path_lines(aligned)
     end = aligned.odometry[-1].pose if aligned.odometry else (
         aligned.dead_reckoning.end if aligned.sent else aligned.planned_end)
-    axes, size = add_map(figure, [*chain(*lines.values()), *outlines(footprint, (ORIGIN, end))])
+    shown = [*chain(*lines.values()), *outlines(footprint, (ORIGIN, end)),
+             *hold_points(holds, footprint)]
+    axes, size = add_map(
+        figure, [*shown, *floor_points(floor, shown)],
+        MAP_BOTTOM + LEGEND_ROW * (bool(holds) + floor_rows(floor)))
+    draw_floor(axes, floor)
     for name, points in lines.items():
         kept = simplify(points, size * MAP_GRAIN, MAX_POINTS)
         thin = THIN if name == 'odometry' and len(kept) > MANY else {}
         draw_line(axes, kept, **{**LOOKS[name], **thin}, label=name, gid=name)
     _draw_robots(axes, footprint, end, size * HEADING_LENGTH)
+    draw_holds(axes, [(footprint, holds, ORIGIN)])
     draw_directions(axes, chain(*chain(*planned)), size * PLACE_SIZE, LOOKS['sent']['color'])
     draw_step_numbers(axes, enumerate(_begun(aligned, planned), 1), size)
     draw_legend(figure, MAP_LEFT, 2)

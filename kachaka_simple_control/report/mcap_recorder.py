@@ -35,6 +35,7 @@ from kachaka_simple_control.control.events import (
     SessionStarted,
     SpeedFactorChanged,
     VelocitySent,
+    WatchChanged,
 )
 from kachaka_simple_control.files import cdr
 from kachaka_simple_control.motion.geometry import ORIGIN
@@ -48,7 +49,7 @@ FILE_NAME = 'run.mcap'
 #: The names of the nodes that publish the planned path and the speed factor: with one robot, and
 #: with several, below whose names the topics of each are.
 NODE, FLEET_NODE = 'kachaka_simple_control', 'kachaka_fleet'
-PATH_TOPIC, FACTOR_TOPIC = 'planned_path', 'speed_factor'
+PATH_TOPIC, FACTOR_TOPIC, WATCH_TOPIC = 'planned_path', 'speed_factor', 'obstacle_watch'
 #: The largest size of a chunk in which messages are compressed and indexed [bytes].
 CHUNK_SIZE = 1 << 20
 
@@ -57,6 +58,7 @@ CHUNK_SIZE = 1 << 20
 FIELDS = {
     'builtin_interfaces/Time': ('int32 sec', 'uint32 nanosec'),
     'std_msgs/Float64': ('float64 data',),
+    'std_msgs/String': ('string data',),
     'std_msgs/Header': ('builtin_interfaces/Time stamp', 'string frame_id'),
     'geometry_msgs/Vector3': ('float64 x', 'float64 y', 'float64 z'),
     'geometry_msgs/Point': ('float64 x', 'float64 y', 'float64 z'),
@@ -121,6 +123,7 @@ class Topic:
     depth: int = 10
     reliability: int = RELIABLE
     durability: int = VOLATILE
+    #: its number in the file; 0 before it is registered
     channel: int = 0
     count: int = 0
 
@@ -189,7 +192,7 @@ class _RobotRecorder:
         if session.odometry_topic is not None:
             self.topics['odometry'] = Topic(
                 session.odometry_topic, 'nav_msgs/msg/Odometry', reliability=BEST_EFFORT)
-        node = f'/{FLEET_NODE}/{robot}' if robot else f'/{NODE}'
+        self._node = node = f'/{FLEET_NODE}/{robot}' if robot else f'/{NODE}'
         self.topics['path'] = Topic(
             f'{node}/{PATH_TOPIC}', 'nav_msgs/msg/Path', depth=1, durability=TRANSIENT_LOCAL)
         self.topics['factor'] = Topic(
@@ -205,6 +208,14 @@ class _RobotRecorder:
                 self._has_factor = True
                 yield self._message(
                     'factor', stamp_of(event.time), cdr.float64(event.product))
+            case WatchChanged():
+                # Without a watch there is no such topic.
+                self.topics.setdefault('watch', Topic(
+                    f'{self._node}/{WATCH_TOPIC}', 'std_msgs/msg/String', depth=1,
+                    durability=TRANSIENT_LOCAL))
+                yield self._message('watch', stamp_of(event.time), cdr.CdrWriter().string(
+                    json.dumps({'state': event.state.value, 'distance': event.distance,
+                                'angle': event.angle})).message())
             case VelocitySent() | OdometryReceived() | MotionStarted() if not self._has_factor:
                 # The factor is 1 until the first change.
                 self._has_factor = True
@@ -355,6 +366,8 @@ class McapRecorder:
         if not due:
             return
         for message in due:
+            if not message.topic.channel:
+                self._register(message.topic)
             self._writer.add_message(
                 message.topic.channel, message.stamp, message.data, message.stamp)
         self._writer.flush()

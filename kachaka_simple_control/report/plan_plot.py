@@ -44,6 +44,13 @@ from kachaka_simple_control.report.map_plot import (
     MAX_MARKS,
     set_map_limits,
 )
+from kachaka_simple_control.report.obstacle_plot import (
+    draw_floor,
+    floor_points,
+    PEOPLE,
+    POSTS,
+    WALLS,
+)
 from kachaka_simple_control.report.output_file import check_plot_file, save_figure
 from kachaka_simple_control.report.plot_style import (
     add_axes,
@@ -99,6 +106,7 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     grain = area.height * MAP_GRAIN
     steps = step_segments(view.plan)
     segments = [segment for step in steps for segment in step]
+    draw_floor(axes, view.obstacles)
     draw_line(axes, polyline(segments, grain), color=Colour.BLUE, linewidth=1.6,
               solid_joinstyle='round', zorder=3.0, gid='path')
     if has_cut_corners(view):
@@ -183,6 +191,10 @@ def _draw_legend(figure: Figure) -> None:
     marks['floor needed'] = Patch(**FLOOR)
     if figure.findobj(lambda artist: artist.get_gid() == 'turns'):
         marks['turn in place'] = Line2D([], [], color=Colour.ORANGE, linewidth=1.2)
+    shown = {artist.get_gid() for artist in figure.findobj()}
+    marks.update({name: mark for name, mark in (
+        ('wall', Line2D([], [], color=WALLS['colors'], linewidth=WALLS['linewidths'])),
+        ('post', Patch(**POSTS)), ('person', Patch(**PEOPLE))) if name in shown})
     corner = (PATH_LEFT / WIDTH, 0.1 / figure.get_figheight())
     figure.legend([*marks.values()], [*marks], loc='lower left', bbox_to_anchor=corner,
                   ncol=len(marks), frameon=False, borderpad=0.0, borderaxespad=0.0,
@@ -239,8 +251,10 @@ def _draw(figure: Figure, views: Sequence[PlanView]) -> None:
     figure.set_size_inches(WIDTH, len(views) * ROW + KEY)
     proportion = HEIGHT / PATH_WIDTH
     legs = (polyline(uncut_path(view.plan), MAP_GRAIN) for view in views if has_cut_corners(view))
+    shown = [*chain(*(view.floor.corners for view in views), *legs)]
     area = extent(
-        chain(*(view.floor.corners for view in views), *legs), proportion, proportion)
+        chain(shown, *(floor_points(view.obstacles, shown) for view in views)), proportion,
+        proportion)
     limits, duration = [view.limits for view in views], max(view.plan.duration for view in views)
     scales = [
         scale_for(component, [value for view in views

@@ -32,7 +32,7 @@ import sys
 import tempfile
 import threading
 import time
-from typing import BinaryIO, cast
+from typing import BinaryIO, cast, IO
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.fleet_summary import FleetLog, FleetSummary
@@ -40,10 +40,14 @@ from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.control.events import (
     Event,
     FleetStarted,
+    MotionPlanned,
     RobotEvent,
+    ScanReceived,
     SessionEnded,
     VelocityKind,
     VelocitySent,
+    WatchChanged,
+    WatchState,
 )
 from kachaka_simple_control.control.guardian_memory import GuardianMemory
 from kachaka_simple_control.errors import UsageError
@@ -182,6 +186,40 @@ class EventHandlers:
                 self._handlers.remove(handler)
 
 
+class EventStore:
+    """
+    Keeps the events of a drive in a file, until its report is written.
+
+    Of the scans of the laser only those are kept that a report needs: one of an hour would be
+    hundreds of megabytes.
+    """
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        #: the newest scan of each robot, if it was not kept
+        self._scans: dict[str, Event | RobotEvent] = {}
+        #: what the obstacle watch of each robot said last
+        self._states: dict[str, WatchState] = {}
+
+    def on_event(self, event: Event | RobotEvent) -> None:
+        """Keep an event."""
+        robot, inner = event if isinstance(event, RobotEvent) else ('', event)
+        if isinstance(inner, ScanReceived):
+            self._scans[robot] = event
+            return
+        if isinstance(inner, MotionPlanned):
+            self._states.pop(robot, None)  # the watch begins anew
+        if isinstance(inner, WatchChanged):
+            is_new = self._states.get(robot) is not inner.state
+            self._states[robot] = inner.state
+            if is_new and robot in self._scans:
+                self._keep(self._scans.pop(robot))
+        self._keep(event)
+
+    def _keep(self, event: Event | RobotEvent) -> None:
+        pickle.dump(event, self._file, pickle.HIGHEST_PROTOCOL)
+
+
 def record_events(stream: BinaryIO, handlers: EventHandlers, recorder: McapRecorder) -> None:
     """
     Pass all events of a drive to handlers, and regularly write the recording to its file.
@@ -276,9 +314,7 @@ def main() -> int:
             elif isinstance(event, FleetStarted):
                 robots.extend(member.name for member in event.robots)
 
-        handlers = EventHandlers(
-            recorder.on_event, lambda event: pickle.dump(event, events, pickle.HIGHEST_PROTOCOL),
-            look)
+        handlers = EventHandlers(recorder.on_event, EventStore(events).on_event, look)
         record_events(sys.stdin.buffer, handlers, recorder)
         if sys.argv[2:] and not ended.is_set():
             file, *slots = map(int, sys.argv[2:])

@@ -26,6 +26,8 @@ from typing import NamedTuple
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.flows import cut_corners, CutCorner, repetition_key
+from kachaka_simple_control.analysis.obstacle_holds import obstacle_holds
+from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive
 from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.analysis.step_results import (
     FlowResult,
@@ -33,6 +35,7 @@ from kachaka_simple_control.analysis.step_results import (
     step_results,
     StepResult,
 )
+from kachaka_simple_control.files.watch_check import watch_text
 from kachaka_simple_control.motion.geometry import Displacement
 from kachaka_simple_control.motion.limits import Limits, SAME_AS
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
@@ -255,14 +258,19 @@ def plan_table(views: Sequence[PlanView], widest: int | None = None) -> str:
     if len(views) == 1:
         view = views[0]
         lines = _steps(view, MAX_STEPS, widest, with_total=True)
-        return '\n'.join([*lines, '', *_wrapped([*_sending(view), _legend(lines)], widest)])
+        return '\n'.join([
+            *lines, '', *_wrapped([*_sending(view), *_watched(views), _legend(lines)], widest)])
     most = (LINES - CAPTION - len(views)) // max(1, len(views)) - FRAME
     lines = []
     if most >= MIN_STEPS:
         for view in views:
             lines += [*_steps(view, most, widest, with_total=False), '']
     lines += _comparison(views, widest)
-    return '\n'.join([*lines, '', *_wrapped([_legend(lines)], widest)])
+    return '\n'.join([*lines, '', *_wrapped([*_watched(views), _legend(lines)], widest)])
+
+
+def _watched(views: Sequence[PlanView]) -> list[str]:
+    return [*dict.fromkeys(watch_text(view.laser) for view in views if view.laser is not None)]
 
 
 def _legend(lines: Sequence[str]) -> str:
@@ -413,7 +421,8 @@ def drive_table(
 
     For each step, the table shows three displacements: as requested, as sent, and from odometry.
     A drive of steps without a stop has odometry only as a whole, in a row below its last step.
-    Below the table, the text describes the stop and the final pose.
+    Below the table, the text lists when the obstacle watch held the robot, and describes the stop
+    and the final pose.
 
     :param stop_confirmed_after: the time from the start of the stop until odometry showed that the
         robot stands still [s]; None if odometry did not show this
@@ -424,7 +433,27 @@ def drive_table(
     rows = [row for result in results for row in _drive_rows(result)]
     widest = widest or sys.maxsize
     lines = columns(DRIVE, rows, widest)
-    return '\n'.join([*lines, *_wrapped([_stop(stop_confirmed_after), _final_pose(log)], widest)])
+    return '\n'.join([
+        *lines, *_holds(log, widest),
+        *_wrapped([_stop(stop_confirmed_after), _final_pose(log)], widest)])
+
+
+#: The columns of the holds of a drive by its obstacle watch.
+HOLDS = (Column('held by'), Column('from', '[s]', 3), Column('for', '[s]'),
+         Column('plan', '[s]', 2), Column('x', '[m]'), Column('y', '[m]'),
+         Column('heading', '[deg]', 1))
+
+
+def _holds(log: DriveLog, widest: int) -> list[str]:
+    """Return a table of when and where the obstacle watch held the robot; empty if never."""
+    if not any(motion.watched for motion in log.motions):
+        return []
+    rows = [
+        (hold.reason, _time(hold.begin), _time(hold.duration), _time(hold.plan_time),
+         *((format_fixed(hold.pose.x, 3), format_fixed(hold.pose.y, 3),
+            format_fixed(math.degrees(hold.pose.theta), 1)) if hold.pose else ('-', '-', '-')))
+        for hold in obstacle_holds(log, AlignedDrive(log))]
+    return ['', *columns(HOLDS, rows, widest), ''] if rows else []
 
 
 def _drive_rows(result: StepResult) -> list[Row]:

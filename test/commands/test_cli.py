@@ -95,6 +95,15 @@ def test_the_errors_of_the_simulated_robot_are_passed_on():
     assert parse(['--sim']).simulation == ()
 
 
+def test_the_floor_of_the_simulated_robot_is_passed_on(capsys):
+    options = parse(['--sim', '--lag', '0.1', '--floor', './lab.yaml'])
+    assert options.simulation == ('--lag=0.1', '--floor=./lab.yaml')
+    assert options.floor_file == './lab.yaml'
+    with pytest.raises(SystemExit):
+        parse(['--floor', './lab.yaml'])
+    assert '--floor is about the simulated robot of --sim' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize('text, metres', [
     ('5cm', 0.05), ('5 cm', 0.05), ('50mm', 0.05), ('0.05m', 0.05), ('0', 0.0), ('0.0', 0.0),
     ('0 cm', 0.0), ('0m', 0.0), ('1 m', 1.0)])

@@ -51,6 +51,7 @@ def blocked(folder: Path, name: str, error: str) -> dict[str, str]:
     ('squ', {'square', 'square_cw'}), ('mi', {'mine.yaml '}), ('runs/', {'runs/old.yml '}),
     ('square --pl', {'--plan', '--plot'}),
     ('square --plot ', {'runs/', 'plot.png'}), ('--robot gen', {'generic '}),
+    ('--sim --floor cro', {'crossing '}),
     ('--report r', {'runs/'})])
 def test_a_shell_is_told_what_a_word_may_become(typed, offered, tmp_path):
     """Without ROS, which takes long to import; what is no motion is not offered as one."""

@@ -171,6 +171,25 @@ def test_a_simulation_of_another_robot_than_a_kachaka_is_refused(tmp_path):
     assert 'start a kachaka, not a turtlebot3' in line
 
 
+def test_a_floor_with_errors_is_refused_before_a_robot_is_started(tmp_path):
+    file = tmp_path / 'floor.yaml'
+    file.write_text('walls: [[[1 m, 0 m]]]\nposts: 1\n')
+    with program([*COMMAND, '--sim', '--floor', str(file)], tmp_path) as started:
+        assert started.end() == 2
+    assert [line.partition(': ')[0] for line in started.text.splitlines()] == [
+        f'{file}:1', f'{file}:2']
+
+
+def test_a_wall_is_touched_and_said_even_if_all_else_is_quiet(tmp_path):
+    file = tmp_path / 'floor.yaml'
+    file.write_text('walls: [[[0.4 m, -1 m], [0.4 m, 1 m]]]\n')
+    command = [*COMMAND, 'straight', '--sim', '--quiet', '--floor', str(file)]
+    with program(command, tmp_path) as started:
+        started.wait_for_text(': contact with a wall at x 0.16', 60.0)
+        started.end(60.0)
+    assert started.text.count('contact with') == 1
+
+
 def test_repeated_drives_have_numbered_reports_to_compare(tmp_path, monkeypatch):
     """Each is planned once, by the node; display and report, other processes, get its plan."""
     (tmp_path / 'sitecustomize.py').write_text(COUNTED)

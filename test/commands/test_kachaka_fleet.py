@@ -101,7 +101,7 @@ def test_the_plan_needs_no_ros_and_moves_nothing(lab, capsys):
 
 @pytest.mark.needs('jsonschema', 'matplotlib')
 def test_the_plot_is_a_file(lab, tmp_path):
-    assert main([str(lab), '--plot', str(tmp_path / 'lab.svg')]) == 0
+    assert main([str(lab), '--plot', str(tmp_path / 'lab.svg'), '--floor', 'crossing']) == 0
     assert '<svg' in (tmp_path / 'lab.svg').read_text()
 
 

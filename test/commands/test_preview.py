@@ -80,4 +80,32 @@ def test_the_list_names_each_robot_with_its_limits(capsys):
     assert main(['--list']) == 0
     text = capsys.readouterr().out
     assert all(f'\n{name} ' in text for name in robots())
-    assert '0.306 m/s, 1.9 rad/s' in text
+    assert '0.306 m/s, 1.9 rad/s\n' in text
+    assert '0.3 m/s, 1.57 rad/s, a laser\n' in text
+
+
+def test_a_plan_with_a_watch_says_so_once_and_refuses_what_is_not_seen(cut, tmp_path, capsys):
+    said = 'Watched: the laser sees 270 deg around ahead; holds before what is nearer than 5 cm to'
+    for words in ([cut, '--watch'], [cut, 'square', '--ros-args', '-p', 'watch:=true']):
+        assert call(main, ['--plan', *words], capsys)[1].count(said) == 1
+    assert said not in call(main, ['--plan', cut], capsys)[1]
+    (tmp_path / 'back.yaml').write_text('steps:\n  - turn: 90 deg\n  - forward: -0.5 m\n')
+    code, output, errors = call(main, ['./back.yaml', '--plan', '--watch'], capsys)
+    assert (code, output) == (2, '')
+    assert errors.startswith('./back.yaml:3: step 2: forward: driven backwards, where the laser')
+
+
+@pytest.mark.needs('matplotlib')
+def test_a_plot_shows_a_floor_without_a_simulation(tmp_path, capsys):
+    plots = [tmp_path / 'empty.svg', tmp_path / 'floor.svg']
+    assert main(['straight', '--plot', str(plots[0])]) == 0
+    assert main(['straight', '--plot', str(plots[1]), '--floor', 'crossing']) == 0
+    assert ['id="wall"' in plot.read_text() for plot in plots] == [False, True]
+    (tmp_path / 'bad.yaml').write_text('walls: [[[0 m, 0 m]]]\n')
+    code, _, errors = call(
+        main, ['straight', '--plot', str(plots[0]), '--floor', str(tmp_path / 'bad.yaml')], capsys)
+    assert code == 2
+    assert 'bad.yaml:1: ' in errors
+    code, _, errors = call(main, ['straight', '--plan', '--floor', 'crossing'], capsys)
+    assert code == 2
+    assert '--floor is about the simulated robot of --sim' in errors

@@ -242,6 +242,7 @@ def test_a_stop_cancels_a_robot_that_is_being_taken(listener):
     ('steps: [forwrd: 1 m]', 'bad.yaml:1: step 1: forwrd: there is no such step; did you mean'),
     ('steps: [forward: {distance: 1 m, speed: 9 m/s}]', '9.0 m/s is above'), ('', 'bad.yaml'),
     ('closed_loop: true\nsteps: [forward: 1 m]', 'a closed loop needs'),
+    ('watch: true\nsteps: [forward: 1 m]', 'bad.yaml:1: watch: true, and this drive was started '),
     ('rate: 1 Hz\nsteps: [forward: 1 m]', 'bad.yaml:1: rate: 1 Hz'),
     ('robot: turtlebot3\nsteps: [forward: 1 m]', "'turtlebot3', and this is kachaka")])
 def test_a_motion_that_cannot_be_driven_is_refused_with_its_line(listener, text, part):
@@ -352,3 +353,38 @@ def test_commands_that_come_while_it_ends_are_answered(listener, ending, seed):
         # A release may take less time than the next command: then the process is gone first.
         assert set(refused) <= ENDINGS, refused
         assert 'Traceback' not in control.process.text
+
+
+WATCHED = 'name: ahead\nrate: 20 Hz\nsteps: [forward: 0.8 m]\n'
+
+
+@pytest.mark.needs('sensor_msgs', 'yaml')
+def test_a_watched_drive_reports_its_floor_what_the_laser_sees_and_why_it_is_held(tmp_path):
+    floor = tmp_path / 'wall.yaml'
+    floor.write_text('walls: [[[0.8 m, -1 m], [0.8 m, 1 m]]]\n')
+    control = Remote()
+    with JsonProcess(
+            [*COMMAND, '--pipe', '--sim', '--watch', '--floor', str(floor), '--ros-args', '-p',
+             'guardian:=false'], control.on_line, env=environment()) as process:
+        control.process = process
+        control.take()
+        assert control.ask('run', text=WATCHED, name='ahead.yaml')['text'] == 'started'
+
+        def held():
+            control.send('alive')
+            time.sleep(0.1)
+            newest = control.states[-1]
+            return newest if newest['held_by'] and newest['is_still'] else None
+
+        state = wait_until(held, 20.0)
+        assert (state['state'], state['watch']['state']) == ('paused', 'obstacle')
+        assert state['held_by'] == (
+            f"obstacle {state['watch']['distance']:.2f} m ahead, goes on by itself")
+        robot = control.lines[0]
+        assert robot['floor']['walls'] == [[[0.8, -1.0], [0.8, 1.0]]]
+        scan = [line for line in control.lines if line['type'] == 'scan'][-1]
+        # The wall is where it stands, seen from the robot.
+        ahead = [x for x, y in scan['points'] if abs(y) < 0.1 and x > 0.0]
+        assert scan['pose'][0] + min(ahead) == pytest.approx(0.8, abs=0.06)
+        assert control.ask('stop')['is_done']
+        assert control.ask('release')['text'] == 'released'

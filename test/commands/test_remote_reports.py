@@ -13,17 +13,24 @@
 # limitations under the License.
 """The reports of a remotely controlled drive: their states, and how often they are written."""
 
+import contextlib
+import os
 from types import SimpleNamespace
 
 from fake_time import FakeTime
 from kachaka_simple_control.control.events import (
     DriveState,
     OdometryReceived,
+    ScanReceived,
     SpeedFactorChanged,
     StateChanged,
+    WatchChanged,
+    WatchState,
 )
 from kachaka_simple_control.control.robot_drive import DriveProgress
 from kachaka_simple_control.control.standstill import StandstillDetector
+from kachaka_simple_control.files.protocol import Answer, read_report, Scan, Watch
+from kachaka_simple_control.motion.floor import Floor, Person, Post
 from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 from optional_libraries import MISSING, optional_imports
 import pytest
@@ -62,6 +69,96 @@ def test_each_state_has_the_name_of_the_protocol(
     assert report.state == name
 
 
+def test_a_hold_is_told_in_words_and_numbers():
+    robot = SimpleNamespace(odometry=StandstillDetector(), pose=None)
+    watch = WatchChanged(1.0, WatchState.OBSTACLE, 0.31234, 0.0)
+    for factors, held_by in (
+            ({'obstacle': 0.0}, 'obstacle 0.31 m ahead, goes on by itself'),
+            ({'obstacle': 0.0, 'pause': 0.0}, None)):
+        report = remote_reports.state_of(
+            robot, DriveProgress(state=DriveState.PAUSED, factors=factors, watch=watch), ZERO,
+            is_taken=True, is_by_hand=False, reason=None)
+        assert (report.state, report.held_by) == ('paused', held_by)
+        assert report.watch == Watch('obstacle', 0.312, 0.0)
+
+
+def test_a_floor_is_told_with_all_places_of_its_people():
+    told = remote_reports.floor_map(Floor(
+        (((0.0, 1.0), (2.0, 1.0)),), (Post((1.0, 0.3), 0.03),),
+        (Person((0.9, 0.0), 0.2, 0.0, 14.0, (0.9, 2.0)),)))
+    assert told.walls == (((0.0, 1.0), (2.0, 1.0)),)
+    assert told.posts == ((1.0, 0.3, 0.03),)
+    assert told.people == ((0.9, 0.0, 0.2), (0.9, 2.0, 0.2))
+
+
+@pytest.fixture
+def pipe():
+    """Yield a writer of reports, and a function that returns what was written meanwhile."""
+    reading, writing = os.pipe()
+    os.set_blocking(reading, False)
+    writer = remote_reports.ReportWriter(writing)
+
+    def read():
+        data = b''
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                data += os.read(reading, 65536)
+        return [*map(read_report, data.splitlines())]
+    yield writer, read
+    writer.close()
+    os.close(reading)
+
+
+def scan(time, count=360):
+    """Return a scan with points in a row ahead."""
+    return ScanReceived(time, tuple((1.0, -10.12345 + 0.05 * number) for number in range(count)))
+
+
+def test_a_scan_is_written_thinned_five_times_a_second_with_the_pose_at_which_it_was_taken(pipe):
+    writer, read = pipe
+    for time in (1.0, 1.1, 1.2):
+        writer.on_event(OdometryReceived(time, Pose(time, 2.0, 0.5)))
+    written = []
+    for number in range(40):
+        writer.on_event(scan(1.15))
+        writer.write_scan(10.0 + 0.05 * number)
+        written += read()
+    assert 8 <= len(written) <= 10
+    assert {report.pose for report in written} == {(1.1, 2.0, 0.5)}
+    assert {report.points for report in written} == {
+        tuple((1.0, round(-10.12345 + 0.1 * number, 2)) for number in range(180))}
+    writer.write_scan(99.0)  # the last one, which had come too soon
+    read()
+    # Nothing new has come.
+    writer.write_scan(199.0)
+    assert read() == []
+
+
+def test_a_reader_that_does_not_keep_up_gets_no_scans_but_every_state(pipe):
+    writer, read = pipe
+    for number in range(100):
+        writer.on_event(scan(1.0))
+        writer.write_scan(10.0 + number)
+        writer.write(Answer(number, True))
+    found = read()
+    assert [report.id for report in found if isinstance(report, Answer)] == [*range(100)]
+    assert 1 <= sum(isinstance(report, Scan) for report in found) <= 3
+
+
+def test_a_scan_does_not_wait_for_a_line_that_is_being_written(pipe):
+    writer, read = pipe
+    writer.on_event(scan(1.0))
+    with writer._lock:
+        writer.write_scan(10.0)
+    assert read() == []
+    # What JSON cannot carry does not end the reports either.
+    writer.on_event(ScanReceived(1.0, ((float('nan'), 0.0),)))
+    writer.write_scan(11.0)
+    writer.on_event(scan(1.0))
+    writer.write_scan(12.0)
+    assert len(read()) == 1
+
+
 class Beside:
     """The reports beside a drive; ``at`` says what happens when [s]."""
 
@@ -74,7 +171,8 @@ class Beside:
         self.progress, self.written, self.looks = DriveProgress(), [], []
         robot = SimpleNamespace(odometry=StandstillDetector(), pose=None)
         writer = SimpleNamespace(
-            velocity=ZERO, on_event=lambda event: None, write=self.written.append)
+            velocity=ZERO, on_event=lambda event: None, write=self.written.append,
+            write_scan=lambda now: None)
         self.commands = RemoteCommands(SimpleNamespace(
             robot=robot, robots={'': robot}, commander=self,
             profile=SimpleNamespace(is_kachaka=False)), 0, writer)

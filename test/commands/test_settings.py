@@ -111,6 +111,35 @@ def test_what_needs_all_of_the_limits_cannot_be_corrected(measured):
         'to 0.27 m/s')
 
 
+WATCHED = ('watch: true\nsteps: [forward: 1 m]', 'watched.yaml')
+
+
+@pytest.mark.parametrize('words, file, watch, overridden', [
+    ('', None, False, []),
+    ('--watch', None, True, []),
+    ('', WATCHED, True, []),
+    ('--watch --ros-args -p watch:=true', PLAIN, True, []),
+    ('--no-watch', WATCHED, False,
+     ['watch is false by --no-watch, not true as in watched.yaml']),
+    ('--ros-args -p watch:=off', WATCHED, False,
+     ['watch is false by parameter watch, not true as in watched.yaml']),
+])
+def test_the_way_is_watched_as_what_wins_says(words, file, watch, overridden):
+    chosen, lines = settings(words, file)
+    assert chosen.watch is watch
+    assert lines == overridden
+
+
+def test_steps_backwards_are_refused_with_a_watch_alone():
+    file = loads('steps: [forward: -1 m]', 'back.yaml')
+    for words in ('--watch', '--no-watch'):
+        options = parse([words])
+        chosen = choose_settings(options, file)
+        refused = pytest.raises(MotionFileError, match='^back.yaml:1: step 1: forward: driven b')
+        with refused if chosen.watch else contextlib.nullcontext():
+            order_of(options, file, chosen, chosen.profile)
+
+
 CUT = ('corners: 5 cm\nsteps: [forward: 1 m]', 'cut.yaml')
 
 
@@ -149,6 +178,9 @@ REFUSED = (
     '--closed-loop',
     '--no-closed-loop --ros-args -p closed_loop:=true',
     '--ros-args -p closed_loop:=maybe',
+    '--watch',
+    '--no-watch --ros-args -p watch:=true',
+    '--ros-args -p watch:=maybe',
     '--corners 5cm --ros-args -p corners:=0.1',
     '--corners 0 --ros-args -p corners:=0.1',
     '--ros-args -p rate:=50Hz',

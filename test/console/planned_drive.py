@@ -73,5 +73,5 @@ if __name__ == '__main__':
     options = argparse.Namespace(
         record=None, refuse=False, deaf=False, no_odometry=False, stopped=None,
         duration=4.0, start_delay=0.0,
-        battery=0.8, errors='', report=None)
+        battery=0.8, errors='', report=None, floor=False)
     sys.exit(PlannedDrive(options).run())

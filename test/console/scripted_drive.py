@@ -15,8 +15,9 @@
 A drive process for tests: it speaks the lines of the console, and imagines the robot.
 
 The robot follows each velocity at once.  A motion is a straight line of 0.2 m/s that takes
-``--duration``; the text of the motion is only checked for the word ``steps``.  The rules of the
-hand are those of the real process.  Every line that the process gets is appended to ``--record``.
+``--duration``; the text of the motion is only checked for the word ``steps``.  A motion with the
+word ``watched`` has an obstacle watch, which holds it once.  The rules of the hand are those of
+the real process.  Every line that the process gets is appended to ``--record``.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ from kachaka_simple_control.files.protocol import (
     Alive,
     Answer,
     Command,
+    FloorMap,
     Hand,
     Log,
     Pause,
@@ -51,12 +53,14 @@ from kachaka_simple_control.files.protocol import (
     Resume,
     Robot,
     Run,
+    Scan,
     Sent,
     Speed,
     Stamp,
     State,
     Stop,
     Take,
+    Watch,
     write_line,
 )
 
@@ -64,6 +68,11 @@ PERIOD = 0.05
 LEASE = 0.25
 SPEED = 0.2
 HALF_LENGTH, HALF_WIDTH = 0.19, 0.12
+#: How long a watched motion is driven before its hold, and how long it is held [s].
+HELD_FROM, HELD_FOR = 0.5, 4.0
+#: What the laser sees, in the frame of the robot [m].
+SEEN = ((0.6, -0.1), (0.6, 0.1))
+FLOOR = FloorMap((((1.0, -1.0), (1.0, 1.0)),), ((0.5, 0.5, 0.05),), ((0.5, -0.5, 0.2),))
 
 
 def boottime() -> float:
@@ -92,6 +101,9 @@ class ScriptedDrive:
         self.last_state: State | None = None
         self.end_code: int | None = None
         self.is_recorded = options.record is not None
+        #: how long the watch still holds a motion [s]; None without a watch
+        self.hold: float | None = None
+        self.is_paused = False
 
     def _write(self, report: Report) -> None:
         os.write(1, write_line(report))
@@ -105,7 +117,8 @@ class ScriptedDrive:
         elif isinstance(command, Stop):
             self._hold(0.0, 0.0)
             self.stop_ids.append(command.id)
-            self._set(state='stopping', reason='stopped from the page')
+            self.hold, self.is_paused = None, False
+            self._set(state='stopping', reason='stopped from the page', watch=None, held_by=None)
         elif isinstance(command, Request):
             refusal = self._refusal(command)
             self._write(Answer(command.id, not refusal, refusal or 'done'))
@@ -120,7 +133,8 @@ class ScriptedDrive:
                 return f"{command.name}:1: 'steps' is missing: a list of steps"
             return '' if self.is_taken else 'take the robot first'
         if isinstance(command, Pause):
-            return '' if self.state.state == 'driving' else 'no motion is driven'
+            is_driven = self.state.state == 'driving' or self.state.held_by
+            return '' if is_driven else 'no motion is driven'
         if isinstance(command, Resume):
             return '' if self.state.state == 'paused' else 'no motion is paused'
         return ''
@@ -133,12 +147,17 @@ class ScriptedDrive:
             self.end_code = 0
         elif isinstance(command, Run):
             self.elapsed = 0.0
+            is_watched = 'watched' in command.text
+            self.hold = HELD_FOR if is_watched else None
+            self._set(watch=Watch('clear') if is_watched else None)
             self._set(state='driving', motion=command.name, step=1, steps=4, reason=None,
                       start=self.state.driven)
         elif isinstance(command, Pause):
             self._hold(0.0, 0.0)
-            self._set(state='paused')
+            self.is_paused = True
+            self._set(state='paused', held_by=None)
         elif isinstance(command, Resume):
+            self.is_paused = False
             self._set(state='driving')
         elif isinstance(command, Speed):
             self.factor = command.factor
@@ -174,6 +193,8 @@ class ScriptedDrive:
             self._hold(0.0, 0.0)
             self.is_neutral = False
             self._set(state='ready')
+        if self.state.watch is not None:
+            self._watch()
         if self.state.state == 'driving':
             self._advance_motion()
         if self.stop_ids:
@@ -196,6 +217,23 @@ class ScriptedDrive:
         if self.state != self.last_state:
             self.last_state = self.state
             self._write(self.state)
+
+    def _watch(self) -> None:
+        """Hold a motion for a while, and go on; a person may pause meanwhile."""
+        self._write(Scan(self.state.driven, SEEN))
+        if self.hold is None or self.elapsed < HELD_FROM:
+            return
+        self.hold -= PERIOD
+        is_held = self.hold > 0.0
+        if not is_held:
+            self.hold = None
+        if self.state.state in ('driving', 'paused') and not self.is_paused:
+            self._hold(0.0, 0.0)
+            self._set(state='paused' if is_held else 'driving')
+        self._set(
+            watch=Watch('obstacle', 0.31, 0.0) if is_held else Watch('clear'),
+            held_by='obstacle 0.31 m ahead, goes on by itself' if is_held and not self.is_paused
+            else None)
 
     def _advance_motion(self) -> None:
         duration: float = self.options.duration
@@ -222,7 +260,8 @@ class ScriptedDrive:
         footprint = ((HALF_LENGTH, HALF_WIDTH), (-HALF_LENGTH, HALF_WIDTH),
                      (-HALF_LENGTH, -HALF_WIDTH), (HALF_LENGTH, -HALF_WIDTH))
         self._write(Robot(
-            'scripted', '/cmd_vel', not self.options.no_odometry, 0.3, 0.3, 1.57, footprint))
+            'scripted', '/cmd_vel', not self.options.no_odometry, 0.3, 0.3, 1.57, footprint,
+            floor=FLOOR if self.options.floor else None))
 
     def end_state(self, reason: str) -> Report:
         """Return the state of a process that ends."""
@@ -270,6 +309,7 @@ def parser_of_all() -> argparse.ArgumentParser:
     parser.add_argument('--errors', default='', help='the errors that the robot reports')
     parser.add_argument('--report', help='write a report to this folder at the end')
     parser.add_argument('--refuse', action='store_true', help='refuse to take the robot')
+    parser.add_argument('--floor', action='store_true', help='tell what stands on it')
     parser.add_argument('--deaf', action='store_true', help='never read a line')
     parser.add_argument('--start-delay', type=float, default=0.0, help='before the first line [s]')
     return parser

@@ -18,6 +18,8 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from functools import partial
+import os
+import signal
 import time
 from typing import Any
 
@@ -36,7 +38,7 @@ from kachaka_simple_control.console.page_protocol import (
 from kachaka_simple_control.console.preview import PreviewWorker
 from kachaka_simple_control.console.reports import Reports
 from kachaka_simple_control.files.messages import Message, to_json
-from kachaka_simple_control.files.protocol import Pause, Speed, Take
+from kachaka_simple_control.files.protocol import Pause, Scan, Speed, State, Take, Watch
 import pytest
 from scripted_console import drive_command as scripted
 
@@ -119,6 +121,24 @@ async def paused(console: Console) -> FakePage:
     assert await page.ask(Pause(4))
     await page.until(lambda: page.state['state'] == 'paused')
     return page
+
+
+def test_a_page_that_is_behind_gets_no_scans_and_a_hold_ends_with_its_process():
+    async def scenario(console: Console, now: list[float]) -> None:
+        page, slow = FakePage(console), FakePage(console)
+        await page.until(lambda: page.state.get('process') == 'running')
+        await page.until(lambda: slow.state)
+        slow.is_behind = True
+        console._take_report(State('paused', watch=Watch('obstacle', 0.3), held_by='a wall'))
+        console._take_report(Scan((0.0, 0.0, 0.0), ((1.0, 0.0),)))
+        assert [message for message in page.messages if isinstance(message, Scan)]
+        assert not [message for message in slow.messages if isinstance(message, Scan)]
+        assert page.state['held_by'] == 'a wall'
+        os.kill(console.drive.pid, signal.SIGKILL)
+        await page.until(lambda: page.state['process'] == 'ended')
+        assert (page.state['watch'], page.state['held_by']) == (None, None)
+
+    run(scenario)
 
 
 def test_the_lease_ends_without_input_and_the_robot_is_released():

@@ -51,10 +51,17 @@ def test_a_fleet_gets_its_own_drive_process():
     assert ['./mine.yaml', '--pipe', '--report=a/1', '--sim'] == command[3:7]
 
 
+@pytest.mark.parametrize('words', [[], ['--fleet', 'minuet']])
+def test_simulated_robots_have_the_floor_of_the_console(words: list[str]):
+    options = parse([*words, '--sim', '--floor', 'crossing'])
+    assert ['--sim', '--floor=crossing'] == drive_options(options)
+
+
 @pytest.mark.parametrize('words, reason', [
     (['--port', 'x'], 'is no port'),
     (['--port', '65536'], 'is no port'),
     (['--lag', '0.1'], 'about the simulated robot of --sim'),
+    (['--floor', 'crossing'], '--floor is about the simulated robot of --sim'),
     (['--sim', '--address', '192.0.2.1'], 'not allowed with'),
     (['--prot', '1'], 'did you mean --port?'),
     (['--rate', '50'], ': --rate 50; write, for example, --ros-args -p rate:=50.0'),
@@ -90,6 +97,12 @@ def test_without_tornado_a_sentence_says_what_to_install(
 def test_a_folder_that_is_not_there_is_one_line(capsys: pytest.CaptureFixture[str]):
     assert 2 == main(['--no-browser', '--port', '0', '--folder', '/nowhere'])
     assert "the folder '/nowhere' cannot be opened" in capsys.readouterr().err
+
+
+@pytest.mark.needs('tornado', 'yaml', 'jsonschema')
+def test_a_floor_that_is_not_there_is_one_line(capsys: pytest.CaptureFixture[str]):
+    assert 2 == main(['--no-browser', '--port', '0', '--sim', '--floor', './gone.yaml'])
+    assert './gone.yaml: there is no such file' in capsys.readouterr().err
 
 
 @pytest.mark.needs('tornado', 'yaml', 'jsonschema')

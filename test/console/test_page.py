@@ -432,6 +432,64 @@ def test_a_motion_runs_after_the_question_about_the_floor(page):
     page.wait(lambda: page.text('#stop-result') == 'stopped (odometry confirms)', 'the outcome')
 
 
+def test_a_hold_by_an_obstacle_is_shown_with_what_the_laser_sees(page):
+    page.take()
+    type_text(page, 'name: watched\nsteps:\n  - forward: 1 m\n')
+    page.wait(lambda: page.text('#plan-steps') == '1' and page.find('#run').is_enabled(), 'it')
+    assert not page.find('#key-scan').is_displayed()
+    page.click('#run')
+    agree(page)
+    page.wait(lambda: page.text('#state') == 'HELD', 'the hold')
+    assert page.text('#held') == 'obstacle 0.31 m ahead, goes on by itself'
+    assert page.text('#factors') == 'Held: obstacle 0.31 m ahead, goes on by itself.'
+    # Who is there may pause it, so that it does not go on; only then it waits for a person.
+    assert page.text('#pause') == 'Pause'
+    lines, seen, robot, width, length = page.run(
+        'const part = name => document.querySelector(`#plan-svg .${name}`);'
+        'const middle = box => box.x + box.width / 2;'
+        'return [part("scan-points").getAttribute("d"), middle(part("scan-points").getBBox()),'
+        '        middle(part("robot-driven").getBBox()), document.querySelectorAll('
+        '        "#plan-svg .scale-bar")[1].getBBox().width, part("scale-text").textContent]')
+    assert lines.count('M') == 2
+    pixels = width / (float(length.split()[0]) / (100.0 if length.endswith('cm') else 1.0))
+    assert (seen - robot) / pixels == pytest.approx(0.6, abs=0.02)
+    page.click('#pause')
+    page.wait(lambda: page.text('#state') == 'paused', 'the pause')
+    assert (page.text('#pause'), page.text('#held')) == ('Resume', '')
+    page.click('#pause')
+    page.wait(lambda: page.text('#state') == 'driving', 'that it goes on')
+    assert page.text('#held') == ''
+    # Where it was held stays marked until the next drive.
+    assert page.find('#key-held').is_displayed()
+    marks = 'return document.querySelector("#plan-svg .held-mark").getAttribute("d")'
+    assert page.run(marks).count('Z') == 1
+    page.press(ESCAPE)
+    page.wait(lambda: page.text('#stop-result') == 'stopped (odometry confirms)', 'the outcome')
+    page.wait(lambda: page.run('return document.querySelector("#plan-svg .scan-points")'
+                               '.getAttribute("d")') == '', 'that the laser is gone')
+
+
+def test_what_stands_on_the_floor_of_a_simulated_robot_is_drawn(browser, tmp_path):
+    console = Console(tmp_path, '--floor')
+    try:
+        page = Page(browser, console.address).open()
+        page.wait(lambda: page.run(
+            'return ["floor-wall", "floor-post", "floor-person"].map('
+            'kind => document.querySelectorAll(`#plan-svg .${kind}`).length)') == [1, 1, 1], 'it')
+        # To the scale of the rest: the post is a metre to the left of the person.
+        post, person, width, length = page.run(
+            'const box = name => document.querySelector(`#plan-svg .${name}`)'
+            '    .getBoundingClientRect();'
+            'const middle = ({top, bottom}) => (top + bottom) / 2;'
+            'return [middle(box("floor-post")), middle(box("floor-person")),'
+            '        document.querySelectorAll("#plan-svg .scale-bar")[1].getBBox().width,'
+            '        document.querySelector("#plan-svg .scale-text").textContent]')
+        pixels = width / (float(length.split()[0]) / (100.0 if length.endswith('cm') else 1.0))
+        assert (person - post) / pixels == pytest.approx(1.0, abs=0.02)
+    finally:
+        console.close()
+
+
 def test_a_page_that_is_opened_in_mid_drive_shows_the_plan_that_is_driven(page):
     page.take()
     type_text(page, 'name: mine\nsteps:\n  - forward: 1 m\n')

@@ -167,6 +167,12 @@ def show_everything(page):
     """)
     page.press(ESCAPE)
     page.wait(lambda: page.text('#problems').startswith('Line'), 'the error')
+    page.wait(lambda: page.text('#stop-result') != '', 'the outcome')
+    page.run("""
+        document.querySelector('#held').textContent =
+            'no scan of the laser, goes on with the next one; r goes on slowly';
+        for (const key of ['#key-scan', '#key-held']) document.querySelector(key).hidden = false;
+    """)
 
 
 @pytest.mark.parametrize('width', [320, 360, 414, 768, 1024, 1440, 2560])

@@ -31,6 +31,8 @@ from kachaka_simple_control.control.events import (
     StateChanged,
     VelocityKind,
     VelocitySent,
+    WatchChanged,
+    WatchState,
 )
 from kachaka_simple_control.display.display_program import (
     LineRenderer,
@@ -63,6 +65,10 @@ EVENTS = st.one_of(
               st.none() | TIMES),
     st.builds(OdometryReceived, TIMES, st.builds(Pose, st.floats(-9, 9), st.floats(-9, 9)),
               VELOCITIES, st.booleans()),
+    st.builds(SpeedFactorChanged, TIMES, st.dictionaries(
+        st.sampled_from(['obstacle', 'obstacle of r1', 'pause']), st.floats(0.0, 0.9))),
+    st.builds(WatchChanged, TIMES, st.sampled_from(WatchState), st.none() | st.floats(0.0, 9.0),
+              st.none() | st.floats(0.0, 9.0)),
     st.builds(MotionEnded, TIMES, st.none() | st.text()), st.builds(SessionEnded, TIMES))
 
 
@@ -306,6 +312,36 @@ def test_after_an_early_end_nothing_is_left(drawn, factors):
     assert ' CUT SHORT ' in text
     assert '22 %   planned: 4.0 s' in text
     assert 'left' not in text
+
+
+def held(said, factor=0.0, **others):
+    """Return the events of a watch that holds a robot, or slows it down."""
+    state = DriveState.PAUSED if factor == 0.0 else DriveState.DRIVING
+    return (WatchChanged(START + 0.9, *said),
+            SpeedFactorChanged(START + 0.9, {'obstacle': factor, **others}),
+            StateChanged(START + 0.9, state))
+
+
+OBSTACLE, SILENT = (WatchState.OBSTACLE, 0.31, 0.0), (WatchState.NO_SCAN,)
+
+
+@pytest.mark.parametrize('events, shown, is_resumed', [
+    (held(OBSTACLE), ' HELD   obstacle 0.31 m ahead, goes on by itself\n', False),
+    (held(OBSTACLE, override=0.5),
+     ' HELD   obstacle 0.31 m ahead, goes on by itself (speed 50 %)\n', False),
+    (held(SILENT), ' HELD   no scan of the laser, goes on with the next one; r goes on slowly\n',
+     True),
+    (held(OBSTACLE, pause=0.0), ' PAUSED   step 1 of 3: forward 0.5 m (obstacle 0 %)\n', True),
+    (held((WatchState.BLIND,), 0.3),
+     (' DRIVING   step 1 of 3: forward 0.5 m '
+      '(no scan of the laser: at 30 % until one comes)\n'), False)])
+def test_who_is_held_by_an_obstacle_goes_on_by_itself(drawn, events, shown, is_resumed):
+    tracker = driven(0.8)
+    for event in events:
+        tracker.on_event(event)
+    status = tracker.status_at(START + 0.9)
+    assert shown in '\n'.join(drawn(status, 100))
+    assert status.waits_for_resume is is_resumed
 
 
 def test_lines_say_once_how_to_stop_and_only_to_somebody_at_a_terminal():

@@ -35,6 +35,8 @@ from kachaka_simple_control.control.events import (
     SessionStarted,
     SpeedFactorChanged,
     StateChanged,
+    WatchChanged,
+    WatchState,
 )
 from kachaka_simple_control.display.fleet_status import FleetLogger, FleetTracker
 from kachaka_simple_control.motion.geometry import ORIGIN, Velocity
@@ -181,9 +183,25 @@ def test_the_head_says_what_the_robot_with_the_longest_way_does(drawn):
     fleet.send(MotionPlanned(THREE, ABRUPT, 20.0))
     fleet.send(SpeedFactorChanged(START, {'override': 0.5}), 'r2')
     assert ' round 2 of 3  speed 50 % ' in drawn(fleet.status(0.8))[0]
-    assert not fleet.status(0.8).is_held
+    assert not fleet.status(0.8).waits_for_resume
     fleet.send(SpeedFactorChanged(START, {'pause': 0.0}), 'r2')
-    assert fleet.status(0.8).is_held
+    assert fleet.status(0.8).waits_for_resume
+
+
+def test_who_is_held_by_an_obstacle_comes_first_and_the_others_say_of_whom(drawn):
+    fleet, logger = driving(0.8), FleetLogger()
+    assert len(logger.update(fleet.status(0.8), START + 0.8)) == 1
+    fleet.send(WatchChanged(START + 0.9, WatchState.OBSTACLE, 0.31, 0.0), 'r2')
+    fleet.send(SpeedFactorChanged(START + 0.9, {'obstacle': 0.0}), 'r2')
+    fleet.send(SpeedFactorChanged(START + 0.9, {'obstacle of r2': 0.0}), 'r1', 'r3')
+    fleet.send(StateChanged(START + 0.9, DriveState.PAUSED))
+    status = fleet.status(1.0)
+    head, *rows = drawn(status)
+    assert 'obstacle' not in head
+    assert [row.split()[:2] for row in rows] == [['r2', 'HELD'], ['r1', 'HELD'], ['r3', 'HELD']]
+    assert rows[0].endswith(' obstacle 0.31 m ahead, goes on by itself')
+    assert rows[1].endswith(' obstacle of r2')
+    assert not status.waits_for_resume
 
 
 def test_a_pause_keeps_the_progress_between_two_events():

@@ -15,6 +15,7 @@
 
 from dataclasses import replace
 import itertools
+import json
 import math
 import tempfile
 
@@ -24,8 +25,11 @@ from kachaka_simple_control.control.events import (
     MotionStarted,
     OdometryReceived,
     RobotEvent,
+    ScanReceived,
     SpeedFactorChanged,
     VelocitySent,
+    WatchChanged,
+    WatchState,
 )
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.plan import plan
@@ -46,6 +50,7 @@ pytestmark = pytest.mark.needs('mcap')
 
 PATH = '/kachaka_simple_control/planned_path'
 FACTOR = '/kachaka_simple_control/speed_factor'
+WATCH = '/kachaka_simple_control/obstacle_watch'
 
 TIMES = st.floats(1.0, 1e6)
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
@@ -132,6 +137,24 @@ def test_the_speed_factor_is_recorded_from_the_start_on(read, before, first, tmp
     found = [(one.stamp, one.message.data) for one in read(drive.file) if one.topic == FACTOR]
     assert found == [
         (stamp_of(TWIST, time), factor) for time, factor in (first, (10.25, 0.0), (11.0, 0.2))]
+
+
+@pytest.mark.parametrize('read', READERS)
+def test_what_the_obstacle_watch_says_is_recorded_as_json(read, tmp_path):
+    drive = RecordedDrive(tmp_path)
+    drive.send(10.0, 3)
+    drive.recorder.flush(10.05)  # its topic comes later than the others
+    drive.publish(ScanReceived(10.1, ((1.0, 0.0),)),
+                  WatchChanged(10.15, WatchState.OBSTACLE, 0.31, 0.0))
+    drive.recorder.flush(10.5)
+    drive.publish(WatchChanged(11.0, WatchState.CLEAR))
+    assert drive.recorder.finish() is None
+    found = [(one.stamp, json.loads(one.message.data)) for one in read(drive.file)
+             if one.topic == WATCH]
+    assert found == [
+        (stamp_of(TWIST, 10.15), {'state': 'obstacle', 'distance': 0.31, 'angle': 0.0}),
+        (stamp_of(TWIST, 11.0), {'state': 'clear', 'distance': None, 'angle': None})]
+    assert f'name: "{WATCH}"' in (tmp_path / 'metadata.yaml').read_text()
 
 
 def test_the_folder_is_a_bag_with_all_that_rosbag2_requires(tmp_path):

@@ -9,6 +9,7 @@ import {FleetRows, toneOf} from './fleet_rows.js';
 import {sizeText} from './geometry.js';
 import {watchStopKeys} from './keys.js';
 import {Fault, Log} from './messages.js';
+import {waitsForResume} from './run.js';
 import {showLinkAge} from './state_view.js';
 import {Stop} from './stop.js';
 
@@ -57,7 +58,7 @@ function refresh() {
   const reason = reasonAgainstRun();
   const end = state === 'stopped' && page.state.reason ? `Ended early: ${page.state.reason}.` : '';
   const isUnderWay = UNDER_WAY.includes(state);
-  const isPaused = state === 'paused';
+  const isPaused = waitsForResume(page.state);
   byId('run').disabled = reason !== '' || isUnderWay;
   setText(byId('run-note'), reason || end);
   setText(byId('pause'), isPaused ? 'Resume' : 'Pause');
@@ -115,6 +116,7 @@ function showState() {
   const {state, states, poses, troubles, round, speed, apart, report} = page.state;
   const {rounds = 1, robots = []} = page.fleet ?? {};
   if (page.isOpen) showWhole();
+  setText(byId('held'), page.isOpen && state === 'paused' ? page.state.held_by ?? '' : '');
   rows.update(states, troubles);
   const areTroubled = robots.map(({name}) => name in troubles);
   floor.update(
@@ -135,14 +137,15 @@ function showState() {
 
 /** Show the state of the whole. */
 function showWhole() {
-  const {process, state, is_still: isStill, troubles} = page.state;
+  const {process, state, is_still: isStill, troubles, held_by: heldBy} = page.state;
   if (process === 'starting') {
     setStatus(byId('state'), 'starting', 'idle');
   } else if (state === 'stopped' && isStill !== true) {
     const isMoving = isStill === false;
     setStatus(byId('state'), isMoving ? 'still moving' : 'stop sent', isMoving ? 'bad' : 'warn');
   } else {
-    const [text, tone] = STATES[state] ?? ['unknown', 'idle'];
+    const [text, tone] = state === 'paused' && heldBy ? ['HELD', 'warn'] :
+      STATES[state] ?? ['unknown', 'idle'];
     const isTrouble = state === 'stopped' && Object.keys(troubles).length > 0;
     setStatus(byId('state'), text, isTrouble ? 'bad' : tone);
   }
@@ -200,7 +203,7 @@ byId('run').addEventListener('click', run);
 byId('pause').addEventListener('click', event => {
   // After a click, space stops; it would resume if the button kept the focus.
   if (event.detail > 0) byId('pause').blur();
-  ask(page.state.state === 'paused' ? 'resume' : 'pause');
+  ask(waitsForResume(page.state) ? 'resume' : 'pause');
 });
 byId('release').addEventListener(
   'click', () => ask(page.state.process === 'ended' ? 'start' : 'release'));

@@ -2,6 +2,7 @@
 /** The floor of a fleet to scale: robots, where they are to drive and where they have driven. */
 
 import {createSvg} from './dom.js';
+import {drawFloor, withFloor} from './floor_map.js';
 import {boxOf, joinBoxes, outlineAt, sizeText} from './geometry.js';
 import {ARROW, ScaleDrawing} from './scale_drawing.js';
 
@@ -35,7 +36,7 @@ export class FleetFloor extends ScaleDrawing {
     /** Is called with the name of a robot that was clicked. */
     this.onSelect = () => {};
     this.world = createSvg('g', {class: 'world'});
-    this.layers = Object.fromEntries(['paths', 'trails', 'bodies'].map(name => {
+    this.layers = Object.fromEntries(['floor', 'paths', 'trails', 'bodies'].map(name => {
       const layer = createSvg('g');
       this.world.append(layer);
       return [name, layer];
@@ -50,7 +51,8 @@ export class FleetFloor extends ScaleDrawing {
     for (const layer of [...Object.values(this.layers), this.names]) layer.replaceChildren();
     this.robots = fleet.robots.map(robot => this.makeRobot(robot));
     this.area = this.robots.map(robot => robot.box).reduce(joinBoxes, this.robots[0].box);
-    this.view = this.area;
+    drawFloor(this.layers.floor, fleet.floor ?? null);
+    this.view = fleet.floor ? withFloor(fleet.floor, this.area, point => point) : this.area;
     const [x0, y0, x1, y1] = this.area;
     this.svg.style.setProperty('--aspect', String((x1 - x0) / (y1 - y0)));
     this.svg.setAttribute('aria-label', `The floor from above: ${this.robots.length} robots on ` +

@@ -93,6 +93,7 @@ function useRobot(robot) {
   setText(byId('robot-topic'), robot.topic);
   document.title = `${robot.robot}: console`;
   planView.setFootprint(robot.footprint);
+  planView.setFloor(robot.floor ?? null);
   charts[0].setLimits(-robot.max_backward_velocity, robot.max_linear_velocity);
   const turn = robot.max_angular_velocity * 180 / Math.PI;
   charts[1].setLimits(-turn, turn);
@@ -126,6 +127,20 @@ function showPoses() {
   planView.setPoses(isMoving() ? page.state.planned ?? null : null, page.state.driven ?? null);
 }
 
+/** Show the laser while there is an obstacle watch. */
+function showWatch() {
+  const watch = page.state.watch ?? null;
+  planView.setWatch(watch);
+  byId('key-scan').hidden = watch === null;
+}
+
+/** Mark where an obstacle holds the robot. */
+function showHold() {
+  const {held_by: heldBy, watch, driven} = page.state;
+  planView.setHeld(heldBy && watch?.state === 'obstacle' ? driven ?? null : null);
+  byId('key-held').hidden = planView.heldPoses.length === 0;
+}
+
 /** Take the differences of the state over. */
 function changeState(changes) {
   const before = page.state.state;
@@ -137,6 +152,8 @@ function changeState(changes) {
   if (isNew && ['taking', 'driving', 'driving by hand'].includes(state)) stop.forget();
   if (isNew && state === 'ready' && before === 'driving by hand') hand.noteRest();
   if (isNew || 'planned' in changes || 'driven' in changes) showPoses();
+  if ('watch' in changes) showWatch();
+  showHold();
   if ('velocity' in changes) {
     const now = performance.now() / 1_000;
     charts[0].add(velocity[0], now);
@@ -178,6 +195,7 @@ connection.addEventListener('open', () => {
 connection.addEventListener('lost', () => {
   page.isOpen = false;
   question.cancel();
+  setText(byId('held'), '');
   if (!isDriveOver()) setStatus(byId('state'), page.wasOpen ? 'unknown' : 'connecting', 'bad');
   showLost();
   refresh();
@@ -197,6 +215,7 @@ connection.addEventListener('driven', event => {
   page.drivenPlan = event.detail.plan;
   if (isMoving() || !page.isDrivenHere) showPlan();
 });
+connection.addEventListener('scan', event => planView.setScan(event.detail));
 connection.addEventListener('state', event => changeState(event.detail.changes));
 connection.addEventListener('log', event => {
   if (event.detail.level !== 'debug') log.add(event.detail.level, event.detail.text);

@@ -2,6 +2,7 @@
 /** The plan to scale: path, direction, outline, area, grid and scale bar, and the live robot. */
 
 import {createSvg} from './dom.js';
+import {drawFloor, withFloor} from './floor_map.js';
 import {
   arrowsOn, boxOf, joinBoxes, outlineAt, relativeTo, sizeText, turnsOn,
 } from './geometry.js';
@@ -12,6 +13,8 @@ const EMPTY_BOX = [-1, -0.75, 1, 0.75];
 /** Points of the driven path closer than this are not kept [m]. */
 const TRAIL_STEP = 0.005;
 const MOST_TRAIL_POINTS = 6_000;
+/** So many places are marked where the robot was held. */
+const MOST_HELD_MARKS = 50;
 
 /** The plan of a motion, and one robot. */
 export class PlanView extends ScaleDrawing {
@@ -24,13 +27,22 @@ export class PlanView extends ScaleDrawing {
     this.trail = [];
     this.poses = {planned: null, driven: null};
     this.origin = null;
+    this.floor = null;
+    this.floorGroup = createSvg('g', {class: 'floor-map'});
+    this.scan = null;
+    /** Where the robot was held, as it is told. */
+    this.heldPoses = [];
+    this.isHeld = false;
     this.live = createSvg('g');
+    this.scanPoints = createSvg('path', {class: 'scan-points'});
+    this.heldMarks = createSvg('path', {class: 'held-mark'});
     this.trailLine = createSvg('polyline', {class: 'driven-line'});
     this.bodies = {
       planned: createSvg('path', {class: 'robot-planned'}),
       driven: createSvg('path', {class: 'robot-driven'})};
-    this.live.append(this.trailLine, this.bodies.planned, this.bodies.driven);
-    svg.append(this.live);
+    this.live.append(
+      this.trailLine, this.heldMarks, this.bodies.planned, this.bodies.driven, this.scanPoints);
+    svg.append(this.floorGroup, this.live);
   }
 
   /** Return the floor area of the robot's outline: x0, y0, x1, y1 [m]; null without a plan. */
@@ -42,6 +54,13 @@ export class PlanView extends ScaleDrawing {
   setFootprint(footprint) {
     this.footprint = footprint;
     this.shape = footprint ?? ARROW;
+    this.draw();
+  }
+
+  /** Show what stands on the floor, in the frame in which poses are told; null for nothing. */
+  setFloor(floor) {
+    this.floor = floor;
+    drawFloor(this.floorGroup, floor);
     this.draw();
   }
 
@@ -62,15 +81,54 @@ export class PlanView extends ScaleDrawing {
   restart(origin) {
     this.origin = origin;
     this.trail = [];
+    this.heldPoses = [];
     this.poses = {planned: null, driven: null};
     this.draw();
   }
 
+  /**
+   * Show what the laser has seen.
+   * @param {{pose: number[]|null, points: number[][]}} scan the pose as it is told
+   */
+  setScan(scan) {
+    this.scan = scan;
+    this.drawLive();
+  }
+
+  /**
+   * Show how old the scan is, or none without an obstacle watch.
+   * @param {{state: string}|null} watch
+   */
+  setWatch(watch) {
+    if (watch === null) this.scan = null;
+    this.scanPoints.classList.toggle('old', ['no scan', 'blind'].includes(watch?.state));
+    this.drawLive();
+  }
+
+  /**
+   * Mark where the robot is held; the mark stays when it goes on.
+   * @param {number[]|null} toldPose where it is, as it is told; null while nothing holds it
+   */
+  setHeld(toldPose) {
+    if (toldPose !== null) {
+      const last = this.heldPoses.at(-1) ?? [Infinity, Infinity];
+      const moved = Math.hypot(toldPose[0] - last[0], toldPose[1] - last[1]);
+      // It brakes, so the mark moves with it; after a pause it may be held at the same place.
+      if (this.isHeld || moved < TRAIL_STEP) this.heldPoses.pop();
+      this.heldPoses = [...this.heldPoses.slice(1 - MOST_HELD_MARKS), toldPose];
+    }
+    const wasHeld = this.isHeld;
+    this.isHeld = toldPose !== null;
+    if (this.isHeld || wasHeld) this.drawLive();
+  }
+
   /** Show where the robot should be and where odometry says that it is, as it is told. */
   setPoses(toldPlanned, toldDriven) {
-    this.origin ??= toldDriven;
-    const shown = pose => pose && this.origin ? relativeTo(this.origin, pose) : pose;
-    const [planned, driven] = [shown(toldPlanned), shown(toldDriven)];
+    if (this.origin === null && toldDriven !== null) {
+      this.origin = toldDriven;
+      if (this.floor !== null) this.draw();
+    }
+    const [planned, driven] = [this.shown(toldPlanned), this.shown(toldDriven)];
     this.poses = {planned, driven};
     if (driven !== null) {
       const last = this.trail.at(-1);
@@ -85,6 +143,11 @@ export class PlanView extends ScaleDrawing {
     this.drawLive();
   }
 
+  /** Return a pose as it is drawn, from one as it is told. */
+  shown(pose) {
+    return pose && this.origin ? relativeTo(this.origin, pose) : pose;
+  }
+
   /** Fit the box to the plan and the driven path, and draw all. */
   draw() {
     let box = this.area;
@@ -95,7 +158,15 @@ export class PlanView extends ScaleDrawing {
       const trailBox = [left - edge, low - edge, right + edge, high + edge];
       box = box === null ? trailBox : joinBoxes(box, trailBox);
     }
+    if (this.floor !== null) {
+      box = withFloor(this.floor, box ?? EMPTY_BOX, point => this.shown([...point, 0]).slice(0, 2));
+    }
     this.begin(box ?? EMPTY_BOX);
+    const [left, top] = this.at([0, 0]);
+    const [x, y, heading] = this.origin ?? [0, 0, 0];
+    this.floorGroup.setAttribute(
+      'transform', `matrix(${this.scale} 0 0 ${-this.scale} ${left} ${top}) ` +
+      `rotate(${degrees(-heading)}) translate(${-x} ${-y})`);
     if (this.plan === null) this.drawEmpty('No plan to show');
     else this.drawPlan();
     this.drawScaleBar();
@@ -159,6 +230,15 @@ export class PlanView extends ScaleDrawing {
       const pose = this.poses[name];
       body.setAttribute('d', pose === null ? '' : this.bodyPath(pose));
     }
+    this.heldMarks.setAttribute(
+      'd', this.heldPoses.map(pose => this.bodyPath(this.shown(pose))).join(' '));
+    this.scanPoints.setAttribute('d', this.scan === null ? '' : this.scanPath(this.scan));
+  }
+
+  /** Return the points of a scan as lines without a length, which are drawn as dots. */
+  scanPath({pose, points}) {
+    const from = this.shown(pose) ?? this.poses.driven ?? this.poses.planned ?? [0, 0, 0];
+    return outlineAt(points, from).map(point => `M${this.text([point])} h0`).join(' ');
   }
 
   /** Return the outline at a pose with a tick ahead. */

@@ -43,7 +43,7 @@ export class RunControls {
     this.state = state;
     const isMine = state.driver === 'you';
     const isDriving = state.state === 'driving' || state.state === 'paused';
-    const isPaused = state.state === 'paused';
+    const isPaused = waitsForResume(state);
     const reason = this.reasonAgainst(isOpen, mayDrive, isMine, isDriving);
     this.parts.run.disabled = reason !== '';
     setText(this.parts.pause, isPaused ? 'Resume' : 'Pause');
@@ -91,7 +91,7 @@ export class RunControls {
 
   /** Pause the motion, or go on with it. */
   async pauseOrResume() {
-    const type = this.state.state === 'paused' ? 'resume' : 'pause';
+    const type = waitsForResume(this.state) ? 'resume' : 'pause';
     const answer = await this.connection.request(type);
     if (!answer.is_done) this.showFault(answer.text);
   }
@@ -124,4 +124,12 @@ export class RunControls {
       'speed', {factor: Number(this.parts.speed.value) / 100});
     if (!answer.is_done) this.showFault(answer.text);
   }
+}
+
+/**
+ * Return whether a drive is paused until somebody resumes, or could go on so.
+ * @param {Object} state that of a robot or of a fleet
+ */
+export function waitsForResume({state, watch, held_by: heldBy}) {
+  return state === 'paused' && (!heldBy || watch?.state === 'no scan');
 }

@@ -6,7 +6,7 @@ import {byId, setStatus, setText} from './dom.js';
 /** How each state is shown. */
 const TONES = {
   'standing by': 'idle', taking: 'busy', ready: 'good', 'driving by hand': 'busy', driving: 'busy',
-  paused: 'warn', stopping: 'busy', stopped: 'good', ended: 'bad'};
+  paused: 'warn', HELD: 'warn', stopping: 'busy', stopped: 'good', ended: 'bad'};
 /** From these ages on, a figure is shown as late, and as lost [s]. */
 const LATE = {link: [1.5, 2.5], odometry: [0.5, 1.5]};
 const NONE = '–';
@@ -24,19 +24,22 @@ export class StateView {
    * @param {Object} state the whole state, as of the last difference
    */
   update(state) {
-    const name = state.process === 'starting' ? 'starting' : state.state ?? 'unknown';
+    const name = state.process === 'starting' ? 'starting' :
+      state.held_by ? 'HELD' : state.state ?? 'unknown';
     if (name === 'stopped' && state.is_still !== true) {
       showUnconfirmed(state.is_still === false);
     } else {
       setStatus(byId('state'), name, TONES[name] ?? 'idle');
     }
+    setText(byId('held'), state.held_by ?? '');
     setText(byId('driving'), state.motion ?? '');
     const hasStep = state.step !== null && state.step !== undefined;
     setText(byId('step'), hasStep ? `${state.step} of ${state.steps ?? '?'}` : NONE);
     this.showProgress(state.progress ?? null);
     setText(byId('remaining'), seconds(state.remaining));
     setText(byId('deviation'), deviation(state.planned, state.driven));
-    setText(byId('factors'), factorsText(state.factors ?? {}));
+    setText(byId('factors'), state.held_by ? `Held: ${state.held_by}.` :
+      factorsText(state.factors ?? {}));
     const [linear, angular] = state.velocity ?? [0, 0];
     setText(byId('linear'), `${signed(linear.toFixed(2))} m/s`);
     setText(byId('angular'), `${signed((angular * 180 / Math.PI).toFixed(0))} °/s`);
