@@ -20,7 +20,7 @@ import time
 
 from benchmarks.stop_matrix.expectation import END_TOLERANCE
 from benchmarks.stop_matrix.faults import no_fault
-from benchmarks.stop_matrix.scripts import BEGIN
+from benchmarks.stop_matrix.scripts import BEGIN, LASER
 from benchmarks.stop_matrix.trial_setup import TrialContext
 
 #: The name of a robot that nobody shows.
@@ -61,6 +61,10 @@ sys.exit(main(['./fleet.yaml', '--quiet', '--ros-args', *(
 """
 #: The same; a fault of one robot does not end the drives of the others.
 GOES_ON = FLEET.replace("'stop_all'", "'go_on'")
+#: The same, with robots whose lasers the obstacle watch uses.
+WATCHED = LASER + FLEET.replace(
+    '{{motion: ./forward.yaml,', '{{motion: ./forward.yaml, robot: ./laser.yaml,').replace(
+        "'--quiet'", "'--quiet', '--watch'")
 #: The same with one more robot, which is not there.
 INCOMPLETE = FLEET.replace(
     '30.0, []', f"3.0, ['{GHOST}']").replace('    rest(fleet)\n', '')

@@ -28,8 +28,12 @@ from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from spinning import SpinThread
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 from waiting import poll
+
+#: The longest time until a client discovers a service, and the time until the service has
+#: discovered the client [s].
+SERVICE_TIMEOUT, DISCOVERY_TIME = 5.0, 0.5
 
 
 class OtherPublisher:
@@ -153,6 +157,17 @@ class Observer:
     def record(self, namespace: str) -> RobotRecorder:
         """Return a recorder of the robot in a namespace."""
         return RobotRecorder(self._node, namespace)
+
+    def request(self, service: str) -> float:
+        """Call a service without waiting for the response; return when [s, system clock]."""
+        client = self._node.create_client(Trigger, service)
+        if not client.wait_for_service(SERVICE_TIMEOUT):
+            raise RuntimeError(f'there is no service {service}')
+        # The service may discover the client later than the client the service.
+        time.sleep(DISCOVERY_TIME)
+        now = time.time()
+        client.call_async(Trigger.Request())
+        return now
 
     def publish_clock(self) -> None:
         """Publish one message on ``/clock``, for nodes that use simulated time."""

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Inject faults in a corner, while a program is paused, brakes for a pause, or resumes."""
+"""Inject faults in a corner, or while a program is held, brakes for a pause, or resumes."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ import time
 from typing import TYPE_CHECKING
 
 from benchmarks.stop_matrix.faults import check_guardian_silent, Injector
+from benchmarks.stop_matrix.lasers import Mode
 from benchmarks.stop_matrix.trial_setup import OTHER_VELOCITY, TrialContext
 
 if TYPE_CHECKING:
@@ -52,20 +53,28 @@ class State(Enum):
     BRAKING = 'braking for a pause'
     PAUSED = 'paused'
     RESUMING = 'speeding up after a pause'
+    HELD = 'held by an obstacle'
 
     def shows(self, velocity: SentVelocity) -> bool:
         """Return whether a velocity belongs to this state."""
-        if self is State.PAUSED:
+        if self in AT_REST:
             return not velocity.moves
         return 0.0 < velocity.linear_x < CRUISE
+
+
+#: The states in which the robot does not move.
+AT_REST = (State.PAUSED, State.HELD)
 
 
 def at(state: State, inject: Injector) -> Injector:
     """Return an injector that brings a driving program to a state, and then injects a fault."""
     def inject_then(context: TrialContext) -> float:
-        _reach(context, 'pause', State.BRAKING)
+        if state is State.HELD:
+            assert context.lasers is not None
+            context.lasers.switch(Mode.OBSTACLE)
+        _reach(context, None if state is State.HELD else 'pause', State.BRAKING)
         if state is not State.BRAKING:
-            _reach(context, None, State.PAUSED)
+            _reach(context, None, state if state in AT_REST else State.PAUSED)
         if state is State.RESUMING:
             time.sleep(random.uniform(*TIME_TO_FAULT))
             _reach(context, 'resume', state)
@@ -73,7 +82,7 @@ def at(state: State, inject: Injector) -> Injector:
         before = context.recorder.sent_since(context.first)[-1]
         if not state.shows(before):
             context.violations.append(f'it sent {before.linear_x:g} m/s before the fault')
-        context.was_paused = state is State.PAUSED
+        context.was_paused = state in AT_REST
         context.counted_from = time.time()
         fault = inject(context)
         context.counted_from = fault

@@ -26,6 +26,7 @@ import sys
 import tempfile
 
 from benchmarks import ROOT
+from benchmarks.stop_matrix.lasers import Lasers
 from benchmarks.stop_matrix.network import Network, NODE, ROBOT
 from benchmarks.stop_matrix.observer import Observer, RobotRecorder
 from grpc_client_support import SimulatedRobot
@@ -112,6 +113,8 @@ class PooledRobot:
         #: of more robots in the same domain, for programs that drive several
         self._others: list[RobotRecorder] = []
         self._other_processes: list[OtherRobots] = []
+        #: the process of the lasers; None before a row needs one
+        self._lasers: Lasers | None = None
 
     def wait_until_there(self) -> None:
         """
@@ -134,11 +137,24 @@ class PooledRobot:
             self._other_processes.append(OtherRobots(names, self.domain, Path(folder)))
         return self._others[:count]
 
+    def lasers(self, count: int) -> Lasers | None:
+        """Return the process of the lasers of the first robots in the domain; None for none."""
+        names = [recorder.namespace for recorder in (
+            self.recorder, *self.others(count - 1))] if count else []
+        if self._lasers is not None and (self._lasers.is_over or self._lasers.names != names):
+            self._lasers.close(EXIT_TIMEOUT)
+            self._lasers = None
+        if names and self._lasers is None:
+            self._lasers = Lasers(names, self.domain)
+        return self._lasers
+
     def clear(self) -> None:
         """Discard all recorded data, before another program starts."""
         self.recorder.clear()
         for recorder in self._others:
             recorder.clear()
+        if self._lasers is not None and not self._lasers.is_over:
+            self._lasers.clear()
 
     def replace(self) -> None:
         """Start a new robot in place of the robot that has left."""
@@ -150,6 +166,7 @@ class PooledRobot:
         self.process.close(EXIT_TIMEOUT, signal.SIGTERM)
         for process in self._other_processes:
             process.close(EXIT_TIMEOUT, signal.SIGTERM)
+        self.lasers(0)
         self.observer.close()
         self._resources.close()
         release_domain(self.domain)

@@ -20,23 +20,25 @@ from dataclasses import replace
 
 from benchmarks.stop_matrix import faults, fleets, others, pauses, scripts
 from benchmarks.stop_matrix.expectation import Expectation, Zero
+from benchmarks.stop_matrix.limits import (
+    CLAIM,
+    COMMAND_TIMEOUT,
+    EXIT,
+    FROZEN,
+    GRAPH,
+    GUARDIAN,
+    GUARDIAN_FROZEN,
+    KILLED,
+    KNOWN_PUBLISHER,
+    NEW_PUBLISHER,
+    NODE,
+    NOTHING,
+    ODOMETRY,
+    SIGNAL,
+)
+from benchmarks.stop_matrix.obstacle_rows import obstacle_rows
 from benchmarks.stop_matrix.pauses import State
 from benchmarks.stop_matrix.trial_setup import Row, TrialContext
-
-NODE, GUARDIAN, NOTHING = 'the node', 'the guardian', 'nothing to stop: it runs on'
-COMMAND_TIMEOUT = 'the robot: its command timeout'
-#: The time limits [s] for a signal, SIGKILL and SIGSTOP (docs/safety.md, "What is guaranteed"),
-#: and for lost odometry and a lost subscriber (docs/safety.md).
-SIGNAL, KILLED, FROZEN = 0.02, 0.05, 0.15
-ODOMETRY, GRAPH = 1.3, 23.0
-#: The time limit for a frozen guardian [s]: GUARDIAN_TIMEOUT and a few heartbeats.
-GUARDIAN_FROZEN = 0.6
-#: The time limits for velocities from a new publisher, and from a discovered publisher [s].
-NEW_PUBLISHER, KNOWN_PUBLISHER = 0.5, 0.05
-#: The time limit for a second program [s]; a program publishes its claim every 0.5 s.
-CLAIM = 1.0
-#: Time limit of a program that ends while other threads drive [s], with the end of Python.
-EXIT = 0.1
 
 
 def _ends(what: str, limit: float | None, codes: tuple[int, ...], *names: str) -> Row:
@@ -216,7 +218,7 @@ AROUND_PAUSE = (
     'somebody else comes, and sends velocities')
 #: The faults around a pause in the quick form.
 QUICK_AROUND_PAUSE = {
-    State.PAUSED: AROUND_PAUSE[:3], State.BRAKING: AROUND_PAUSE[1:2], State.RESUMING: ()}
+    State.BRAKING: AROUND_PAUSE[1:2], State.PAUSED: AROUND_PAUSE[:3], State.RESUMING: ()}
 
 
 def _at(state: State, row: Row) -> Row:
@@ -362,11 +364,12 @@ ROWS = (
     _two('exception while other threads drive', NODE, (1,), EXIT, faults.own_fault,
          scripts.ERROR_OF_TWO),
     *FLEETS,
-    *(_at(state, row) for state in State for row in IN_MOTION
+    *(_at(state, row) for state in QUICK_AROUND_PAUSE for row in IN_MOTION
       if row.expectation.what in AROUND_PAUSE),
     Row(Expectation('frozen for 1 s while paused, then resumed', GUARDIAN, (1,), limit=FROZEN),
         pauses.at(State.PAUSED, faults.send_signals('SIGSTOP')), scripts.PAUSED,
         after=pauses.resume_continued(1.0), check=pauses.check_not_resumed, full=10, quick=0),
+    *obstacle_rows({row.expectation.what: row for row in IN_MOTION}),
 )
 #: The rows that are also tested with a robot over gRPC.
 CORE = ('normal end', 'SIGINT (Ctrl+C)', 'SIGTERM', 'SIGKILL', 'SIGSTOP', 'frozen for 1 s')

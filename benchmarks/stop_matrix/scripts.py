@@ -71,6 +71,17 @@ command.play_lesson = short_lesson
 sys.exit(command.main())
 """
 
+#: The robot whose laser the obstacle watch uses; see ``lasers``.
+LASER = """
+from pathlib import Path
+Path('laser.yaml').write_text(
+    'extends: kachaka\\nlaser: {topic: matrix/scan, ahead: 0.156 m, margin: 5 cm}')
+"""
+#: The script with pauses, with the robot whose laser the obstacle watch uses.
+WATCHED = LASER + PAUSED
+#: The same, without a motion before the one that needs the first scan.
+UNSEEING = WATCHED.replace('    robot.move_robot(0.0, 0.0, 0.2)\n', '')
+
 #: The script with pauses, with a motion through corners of 5 cm, each after the other.
 CORNERS = """
 from math import radians

@@ -29,6 +29,7 @@ from benchmarks.stop_matrix.program import ScriptProgram
 
 if TYPE_CHECKING:
     # These import rclpy, which listing the rows must not do.
+    from benchmarks.stop_matrix.lasers import Lasers
     from benchmarks.stop_matrix.observer import OtherPublisher, RobotRecorder
     from benchmarks.stop_matrix.robot_pool import PooledRobot
 
@@ -61,7 +62,7 @@ MAX_LENGTH = 100
 ROUTINE = (
     'Robot control node has started', 'Robot has stopped', 'The robots have stopped',
     'Each robot is trusted to stand', 'Movement completed', 'Paused: ',
-    'Resumed', 'Calibrated: ', 'The robot did not confirm')
+    'Resumed', 'Held: ', 'Goes on: ', 'Calibrated: ', 'The robot did not confirm')
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,7 @@ class Row:
     measures_distance: bool = True
     batch_size: int = 6
     robots: int = 1
+    has_lasers: bool = False
 
 
 class TrialContext:
@@ -96,6 +98,8 @@ class TrialContext:
         self.row, self.robot, self.recorder = row, robot, robot.recorder
         #: one for each robot that the program drives
         self.recorders = [robot.recorder, *robot.others(row.robots - 1)]
+        #: the lasers of these robots; None if the row has none
+        self.lasers: Lasers | None = robot.lasers(row.robots if row.has_lasers else 0)
         self.program = self.start_program()
         #: the violations of this trial, as sentences
         self.violations: list[str] = []
@@ -127,6 +131,8 @@ class TrialContext:
 
     def wait_until_ready(self) -> None:
         """Wait until the program is connected to its robot; restart a failed program once."""
+        if self.lasers is not None:
+            self.lasers.wait_until_there()
         try:
             self.program.wait_until_ready()
         except RuntimeError as error:
