@@ -212,7 +212,7 @@ def test_the_view_shows_topics_that_are_there_with_a_quality_that_fits(view):
     topics = {
         display['Topic']['Value']: (display['Class'], display['Topic'])
         for display in view['Visualization Manager']['Displays'] if 'Topic' in display}
-    assert len(topics) == 3
+    assert len(topics) == 4
     rclpy.init(args=[])
     node = KachakaSimpleControl()
     try:
