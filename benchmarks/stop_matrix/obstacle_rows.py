@@ -41,7 +41,7 @@ QUICK = 3
 #: What each row has in common.
 WATCHED: dict[str, object] = {
     'script': scripts.WATCHED, 'options': ('watch:=true', 'robot:=./laser.yaml'),
-    'has_lasers': True, 'full': 10, 'quick': 0}
+    'has_lasers': True, 'full': 5, 'quick': 0}
 
 
 def _row(

@@ -42,7 +42,7 @@ HELD_TIME = 0.5
 SEND_PERIOD = 0.1
 #: The longest time from the last scan to the first velocity of the brake [s], with a margin for a
 #: loaded machine.
-BRAKE_TIMEOUT = SCAN_TIMEOUT + SEND_PERIOD + 0.05
+BRAKE_TIMEOUT = SCAN_TIMEOUT + SEND_PERIOD + 0.1
 #: The longest time from the first free scan until a robot goes on [s], likewise.
 RELEASE_TIMEOUT = CLEAR_TIME + PERIOD + SEND_PERIOD + 0.1
 #: The service that stops the robots of a program.

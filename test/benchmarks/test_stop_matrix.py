@@ -16,6 +16,7 @@
 from dataclasses import asdict, replace
 import json
 import re
+import struct
 from types import SimpleNamespace
 
 from benchmarks.run import updated
@@ -40,8 +41,14 @@ from benchmarks.stop_matrix.expectation import (
     Trial,
     Zero,
 )
+from benchmarks.stop_matrix.lasers import message, Mode
+from benchmarks.stop_matrix.obstacles import check_braked, check_goes_on
 from benchmarks.stop_matrix.rows import ROWS
 from benchmarks.stop_matrix.trial_setup import from_burst_on, last_message
+from kachaka_simple_control.control.scans import points_of
+from kachaka_simple_control.files.cdr import read_laser_scan
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.motion.geometry import Pose
 import pytest
 from stall_observer import Stall
 
@@ -183,6 +190,40 @@ def test_the_stop_of_a_paused_program_begins_where_zeros_come_at_once():
     assert from_burst_on(burst) == burst
     assert from_burst_on(pause) == []
     assert from_burst_on([]) == []
+
+
+def test_a_laser_shows_an_obstacle_8_cm_ahead_of_the_robot_or_a_free_way_or_nothing():
+    laser = Pose(KACHAKA.laser.ahead, 0.0, 0.0)
+    front = max(x for x, _ in KACHAKA.footprint.corners())
+    seen = points_of(read_laser_scan(message(Mode.OBSTACLE, 1.0)), laser)
+    assert min(x for x, _ in seen) == pytest.approx(front + 0.08, abs=0.005)
+    assert points_of(read_laser_scan(message(Mode.CLEAR, 1.0)), laser) == ()
+    with pytest.raises((ValueError, struct.error)):
+        read_laser_scan(message(Mode.BROKEN, 1.0))
+
+
+def sent_every_tenth(*velocities):
+    """Return the context of a trial in which these were sent, the first at 0.1 s."""
+    sent = [SimpleNamespace(time=0.1 * number, linear_x=velocity, moves=velocity != 0.0)
+            for number, velocity in enumerate(velocities, 1)]
+    recorder = SimpleNamespace(sent_since=lambda since: [one for one in sent if one.time > since])
+    return SimpleNamespace(
+        recorder=recorder, recorders=[recorder], first=0.1, changed=0.0,
+        stop_zeros=lambda recorder: [sent[-1].time])
+
+
+def test_a_robot_without_scans_must_begin_to_brake_in_time():
+    assert check_braked(sent_every_tenth(*[0.3] * 4, 0.2, 0.1, 0.0), 0.05) == []
+    assert check_braked(sent_every_tenth(*[0.3] * 7, 0.2), 0.05) == [
+        'it braked only 0.75 s after the last scan']
+
+
+def test_a_held_robot_must_go_on_when_the_way_was_free_for_a_second():
+    assert check_goes_on(sent_every_tenth(*[0.0] * 10, 0.1, 0.0), 0.0) == []
+    assert check_goes_on(sent_every_tenth(*[0.0] * 4, 0.1, 0.0), 0.0) == [
+        'it went on 0.50 s after the way was free']
+    assert check_goes_on(sent_every_tenth(*[0.0] * 19, 0.1, 0.0), 0.0) == [
+        'it went on only 2.00 s after the way was free']
 
 
 def test_rows_have_unique_names_and_are_tried():
