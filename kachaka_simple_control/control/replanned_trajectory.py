@@ -25,7 +25,7 @@ import math
 from kachaka_simple_control.control.tick import Tick
 from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.motion.trajectory import Sent, Trajectory
+from kachaka_simple_control.motion.trajectory import TimedVelocity, Trajectory
 from kachaka_simple_control.motion.velocity_profile import PathState
 
 
@@ -61,7 +61,7 @@ class ReplannedTrajectory:
         self._state = self.trajectory.first_state(factor, self._reached)
         return factor == 1.0 and self._state == self.trajectory.planned_start
 
-    def ticks(self, factor: float, now: float, before: Sent) -> Iterator[Tick]:
+    def ticks(self, factor: float, now: float, before: TimedVelocity) -> Iterator[Tick]:
         """
         Yield its velocities from its current position to its end.
 
@@ -86,7 +86,7 @@ class ReplannedTrajectory:
 
     def driven(
             self, factor: float, duration: float, period: float,
-            before: Sent) -> tuple[ReplannedTrajectory, Sent]:
+            before: TimedVelocity) -> tuple[ReplannedTrajectory, TimedVelocity]:
         """
         Return what is reached after a duration [s], or at rest, without the times of the ticks.
 
@@ -96,7 +96,7 @@ class ReplannedTrajectory:
         for piece in self.trajectory.pieces(state, factor, period, before):
             state, passed = piece.last, piece.end
             if piece.end > piece.begin:
-                before = Sent(piece.velocity, piece.end - piece.begin)
+                before = TimedVelocity(piece.velocity, piece.end - piece.begin)
             if passed >= duration:
                 break
         here = ReplannedTrajectory(

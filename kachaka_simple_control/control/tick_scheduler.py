@@ -32,7 +32,7 @@ from kachaka_simple_control.control.replanned_trajectory import (
 from kachaka_simple_control.control.tick import Tick
 from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.motion.trajectory import Sent
+from kachaka_simple_control.motion.trajectory import TimedVelocity
 
 #: A last tick shorter than this fraction of a period is a rounding error, not a tick.
 TIME_TOLERANCE = 1e-6
@@ -50,7 +50,7 @@ class PlanPoint(NamedTuple):
     tick: Tick
     factor: float
     replanned: ReplannedTrajectory | None
-    before: Sent
+    before: TimedVelocity
 
     def rest(self, lead: float, period: float) -> float:
         """
@@ -65,7 +65,7 @@ class PlanPoint(NamedTuple):
             time = self.tick.plan_time + lead
             if time >= self.plan.duration:
                 return self.plan.duration
-            before = Sent(self.plan.velocity_at(time), self.plan.period)
+            before = TimedVelocity(self.plan.velocity_at(time), self.plan.period)
             replanned = at_plan_time(self.plan, time)
         else:
             replanned, before = replanned.driven(self.factor, lead, period, before)
@@ -119,7 +119,7 @@ class TickScheduler:
         #: the current trajectory if it is not driven as planned; None otherwise
         self._replanned: ReplannedTrajectory | None = None
         #: the velocity before the current tick
-        self._before = Sent(ZERO, plan.period)
+        self._before = TimedVelocity(ZERO, plan.period)
         self._ticks = self._as_planned(0, 0.0)
         self._tick = next(self._ticks, None)
         #: whether ``point`` is wanted, which takes some time at each tick
@@ -171,7 +171,7 @@ class TickScheduler:
         return frozenset(_rests(self._plan))
 
     def _pass(self, tick: Tick) -> None:
-        self._before = Sent(tick.velocity, tick.deadline - tick.start)
+        self._before = TimedVelocity(tick.velocity, tick.deadline - tick.start)
         self._tick = next(self._ticks, None)
         if self._tick is None and self._replanned is not None:
             self._begin(self._replanned.following(), tick.deadline)

@@ -34,7 +34,7 @@ from kachaka_simple_control.motion.geometry import (
     ZERO,
 )
 from kachaka_simple_control.motion.roots import bisection
-from kachaka_simple_control.motion.trajectory import Piece, Sent, Trajectory
+from kachaka_simple_control.motion.trajectory import Piece, TimedVelocity, Trajectory
 from kachaka_simple_control.motion.velocity_profile import PathState
 
 #: An arc of a chain lasts at most this fraction of the period of the plan.  At a lower speed it
@@ -157,7 +157,8 @@ class ChainPath(Trajectory):
         return state.velocity * self.speed
 
     def pieces(
-            self, state: PathState, factor: float, period: float, before: Sent) -> Iterator[Piece]:
+            self, state: PathState, factor: float, period: float,
+            before: TimedVelocity) -> Iterator[Piece]:
         """
         Yield the messages from a state to the end of the path, or to a stop before its end.
 
@@ -171,7 +172,7 @@ class ChainPath(Trajectory):
         left = index + 1.0 - state.position / self.tick
         speed, time, here = state.velocity, 0.0, state
         while index < len(self.sent):
-            if not factor and self.may_follow(before, Sent(ZERO, period)):
+            if not factor and self.may_follow(before, TimedVelocity(ZERO, period)):
                 yield Piece(time, time, ZERO, here, here._replace(velocity=0.0))
                 return
             chosen = _Next(self, index, left, period, before)
@@ -184,7 +185,7 @@ class ChainPath(Trajectory):
             yield Piece(time, time + message.duration, message.velocity, here, reached)
             time, here, before = time + message.duration, reached, message
 
-    def may_follow(self, before: Sent, after: Sent) -> bool:
+    def may_follow(self, before: TimedVelocity, after: TimedVelocity) -> bool:
         """Return whether a velocity may follow another one within the limits of acceleration."""
         time = (before.duration + after.duration) / 2.0
         one, two = before.velocity, after.velocity
@@ -199,15 +200,15 @@ class _Next(NamedTuple):
     arc: int
     left: float
     period: float
-    before: Sent
+    before: TimedVelocity
 
-    def message(self, speed: float) -> tuple[Sent, float]:
+    def message(self, speed: float) -> tuple[TimedVelocity, float]:
         """Return the message for a speed [s/s], and the part of the arc that it covers."""
         whole = self.left * self.path.tick / speed
         count = max(1, math.ceil(whole / self.period * (1.0 - ROUNDING)))
         planned = self.path.sent[self.arc]
         velocity = Velocity(planned.linear_x * speed, planned.angular_z * speed)
-        return Sent(velocity, whole / count), self.left / count
+        return TimedVelocity(velocity, whole / count), self.left / count
 
     def is_allowed(self, speed: float) -> bool:
         """Return whether a speed [s/s] keeps the limits now, and can be kept from now on."""

@@ -51,7 +51,7 @@ MESSAGE_TOLERANCE = 1e-6
 TIME_BISECTIONS = 40
 
 
-class Sent(NamedTuple):
+class TimedVelocity(NamedTuple):
     """A velocity, and the time until the next one."""
 
     velocity: Velocity
@@ -148,7 +148,7 @@ class Trajectory(ABC):
     @abstractmethod
     def pieces(
             self, state: PathState, factor: float, period: float,
-            before: Sent) -> Iterator[Piece]:
+            before: TimedVelocity) -> Iterator[Piece]:
         """
         Yield the velocities that drive the rest of the path under a speed factor.
 
@@ -204,7 +204,7 @@ class TimedPath(Trajectory):
 
     def pieces(
             self, state: PathState, factor: float, period: float,
-            before: Sent) -> Iterator[Piece]:  # noqa: ARG002
+            before: TimedVelocity) -> Iterator[Piece]:  # noqa: ARG002
         """Yield the velocities that drive the rest of the path under a speed factor."""
         replanned = self.replanned(state, factor)
         duration = replanned.duration
