@@ -36,8 +36,8 @@ QUICK_WHILE_HELD = ('SIGKILL',)
 #: is at rest: two velocities until it brakes, and the duration of the brake.
 REQUESTED = 0.05
 NO_SCANS = SCAN_TIMEOUT + 0.2 + 0.85
-#: Trials in the quick form.
-QUICK = 3
+#: Trials of a row in the quick form.
+QUICK = 1
 #: What each row has in common.
 WATCHED: dict[str, object] = {
     'script': scripts.WATCHED, 'options': ('watch:=true', 'robot:=./laser.yaml'),

@@ -104,6 +104,7 @@ def test_it_is_held_before_a_wall_and_goes_on(listener, laser, motion, tmp_path)
             assert started.text.count(line) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('fault', ['silent', 'frozen', 'from the future'])
 def test_without_new_scans_it_is_held(listener, laser, motion, tmp_path, fault):
     with program([*COMMAND, motion], tmp_path) as started:
