@@ -83,15 +83,17 @@ def _free(
         abs(wanted.linear_x) / SPACING, abs(wanted.angular_z) / TURN_SPACING, 1.0 / longest)
     reach = wide.reach + abs(wanted.linear_x) * longest
     near = [point for point in points if abs(point[0]) <= reach and abs(point[1]) <= reach]
-    inside = [point for point in near if wide.contains(*point)]
+    inside: list[Point] = []
+    others: list[Point] = []
+    for point in near:
+        (inside if wide.contains(*point) else others).append(point)
     first = integrate(ORIGIN, wanted, step)
     if any(outline.distance(point, first) < outline.distance(point) - NEARER for point in inside):
         return 0.0
-    others = PointMap(point for point in near if point not in inside)
-    time = 0.0
+    seen, time = PointMap(others), 0.0
     while time < longest:
         following = min(time + step, longest)
-        if others.touches(wide, integrate(ORIGIN, wanted, following)):
+        if seen.touches(wide, integrate(ORIGIN, wanted, following)):
             return time
         time = following
     return longest

@@ -76,6 +76,7 @@ def fleet(*arguments):
     (['--list', 'minuet'], '--list lists all fleets: leave out FILE'),
     (['minuet', '--plan', '--sim'], '--sim is about a drive'),
     (['minuet', '--plot', 'x.svg', '--on-fault', 'go_on'], '--on-fault is about a drive'),
+    (['minuet', '--floor', 'crossing'], '--floor is about the simulated robots of --sim'),
     (['minuet', '--pipe', '--wait'], '--pipe waits for commands already'),
     (['minuet', '--wait', '--start-at', '14:30:00'], '--start-at begins by itself'),
     (['minuet', '--speed', '150'], 'is not from 1% to 100%'),
@@ -142,6 +143,21 @@ def test_it_drives_all_from_one_t0_and_leaves_them_at_rest(lab):
             assert driven == pytest.approx(0.6, abs=0.03)
             assert not one.received[-1].moves
     assert 'ready: 3 simulated robots: one, two, three' in started.text
+
+
+@with_ros
+def test_a_floor_is_in_the_frame_of_all_starts(lab, tmp_path):
+    """A wall across the way of the second robot alone."""
+    floor = tmp_path / 'floor.yaml'
+    floor.write_text('walls: [[[0.4 m, 0.6 m], [0.4 m, 1.4 m]]]')
+    with fleet(lab, '--sim', '--quiet', '--floor', floor) as started:
+        started.wait_for_text('.two]: contact with a wall at x 0.163 m, y 1.000 m', 60.0)
+        started.end(60.0)
+    assert started.text.count('contact with') == 1
+    floor.write_text('walls: 1')
+    with fleet(lab, '--sim', '--floor', floor) as started:
+        assert started.end() == BAD_USAGE
+    assert started.text.startswith(f'{floor}:1: walls: 1; it must be a list of walls')
 
 
 @with_ros

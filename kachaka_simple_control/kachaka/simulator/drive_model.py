@@ -267,11 +267,9 @@ class DriveModel:
         while self._commands and self._commands[0][0] <= now:
             time, target = self._commands.popleft()
             self._advance(time)
-            if self.contact is not None:
-                self._commands.clear()
-                return
             self._state = self._state_at(time)
-            was_moving, self._target = self._moves, target
+            was_moving = self._moves
+            self._target = target if self.contact is None else ZERO
             if was_moving and not self._moves:
                 self._rest_since = time
 
