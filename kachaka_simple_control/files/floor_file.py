@@ -63,7 +63,7 @@ class FloorFileError(FileError, UsageError):
 @dataclass(frozen=True)
 class LaserParameters:
     """
-    What the laser of a simulated Kachaka is like; but for the place of its laser all is assumed.
+    The properties of a simulated Kachaka's laser; all of them are assumed.
 
     :param rate: of its scans [Hz]
     :param points: how many ranges a scan has, at times one less

@@ -214,6 +214,12 @@ class RobotProfile:
             self.odometry_calibration.to_floor(velocity))
 
 
+#: The laser of Kachaka.  Its place is from kachaka_description, its topic from
+#: lidar_component.cpp.  Its rear is hidden; by how much the manufacturer does not say: 90 deg are
+#: assumed.  The margin is chosen.
+KACHAKA_LASER = Laser(
+    'lidar/scan', ahead=0.156, left=0.0, yaw=math.pi / 2.0, margin=0.05,
+    view=math.radians(270.0))
 #: The profile of Kachaka, a robot of Preferred Robotics; it needs no file.  The names are those of
 #: the manufacturer's ROS 2 bridge.  The source of each value is the file named next to it, in the
 #: manufacturer's public repository pf-robotics/kachaka-api, unless the value is marked as chosen.
@@ -233,12 +239,12 @@ KACHAKA = RobotProfile(
         max_linear_jerk=2.0, max_angular_jerk=10.0),
     # kachaka_description; the axle is at the origin
     footprint=Box(length=0.387, width=0.240, ahead=0.0435),
-    # The place of the laser is from kachaka_description, the topic from lidar_component.cpp.  Its
-    # rear is hidden; by how much the manufacturer does not say: 90 deg are assumed.  The margin is
-    # chosen.
-    laser=Laser(
-        'lidar/scan', ahead=0.156, left=0.0, yaw=math.pi / 2.0, margin=0.05,
-        view=math.radians(270.0)))
+    laser=KACHAKA_LASER)
+#: The frame of the scans of Kachaka, from kachaka_description.
+KACHAKA_LASER_FRAME = 'laser_frame'
+#: How long the laser of a Kachaka runs after it was asked to [s], as the maker's own client asks
+#: (python/kachaka_api/util/vision.py).
+KACHAKA_LASER_TIME = 5.0
 #: The track of Kachaka, the distance between its wheels [m], from kachaka_description.
 KACHAKA_TRACK = 0.2
 

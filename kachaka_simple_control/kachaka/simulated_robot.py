@@ -20,12 +20,15 @@ import threading
 import time
 
 from kachaka_simple_control.files.cdr import laser_scan, odometry
-from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.files.robot_profile import (
+    KACHAKA,
+    KACHAKA_LASER_FRAME,
+    KACHAKA_LASER_TIME,
+)
 from kachaka_simple_control.kachaka.bridge_node import BridgedRobot, BridgeNode, pose_text
 from kachaka_simple_control.kachaka.robot_status import ERROR_NO_MANUAL_CONTROL, SUCCESS
 from kachaka_simple_control.kachaka.simulator.contact import Contact
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
-from kachaka_simple_control.kachaka.simulator.laser import LASER_FRAME
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import compose, ORIGIN, Pose, Velocity
 
@@ -33,8 +36,6 @@ from kachaka_simple_control.motion.geometry import compose, ORIGIN, Pose, Veloci
 BATTERY_PERIOD = 1.0
 #: The charge of the simulated robot's battery, which is always full.
 SIMULATED_CHARGE = 1.0
-#: How long the laser runs when it is activated [s], as the manufacturer's clients want it.
-ACTIVATION = 5.0
 #: If a node has more robots, the log does not say where they are in the end.
 MAX_PLACES = 10
 
@@ -62,7 +63,7 @@ class SimulatedRobot(BridgedRobot):
         #: whether the robot's pose was logged after manual control was last enabled
         self._is_place_logged = True
         self._frames = frame_prefix + ODOMETRY_FRAME, frame_prefix + ROBOT_FRAME
-        self._laser_frame = frame_prefix + LASER_FRAME
+        self._laser_frame = frame_prefix + KACHAKA_LASER_FRAME
         #: the contact that was logged; None before one
         self._contact: Contact | None = None
         #: when the charge of the battery was last published [s, steady clock]
@@ -105,7 +106,7 @@ class SimulatedRobot(BridgedRobot):
     def activate_laser(self) -> str:
         """Let the laser run for 5 s from now on; return an empty text."""
         with self._lock:
-            self._robot.activate_laser(ACTIVATION, time.monotonic())
+            self._robot.activate_laser(KACHAKA_LASER_TIME, time.monotonic())
         return ''
 
     def update(self, now: float, stamp: int) -> None:

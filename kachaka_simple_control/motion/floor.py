@@ -130,7 +130,7 @@ class Round(NamedTuple):
 
 class Nearest(NamedTuple):
     """
-    What is nearest to a robot.
+    The part of a floor that is nearest to a robot.
 
     :param distance: from outline to outline [m]; 0 if they touch or overlap, infinite if there is
         nothing

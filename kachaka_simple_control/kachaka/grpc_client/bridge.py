@@ -27,7 +27,11 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from kachaka_simple_control.control.diagnosis import Level
 from kachaka_simple_control.files.cdr import laser_scan, Scan
-from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.files.robot_profile import (
+    KACHAKA,
+    KACHAKA_LASER_FRAME,
+    KACHAKA_LASER_TIME,
+)
 from kachaka_simple_control.kachaka.bridge_node import BridgedRobot, BridgeNode, pose_text
 from kachaka_simple_control.kachaka.grpc_client.client import ConnectedRobot
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
@@ -49,11 +53,6 @@ from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
 
 BILLION = 1_000_000_000
-#: The frame of scans, from kachaka_description.
-LASER_FRAME = 'laser_frame'
-#: How long the laser runs when it is activated [s]: what the manufacturer's LaserScanActivator
-#: asks for, python/kachaka_api/util/vision.py.
-LASER_TIME = 5.0
 
 
 def odometry(source: Any, now: Time, frame_prefix: str) -> Odometry:
@@ -86,7 +85,7 @@ def serialized_scan(source: Any, now: int, frame_prefix: str) -> bytes:
     :param now: the stamp of a scan without one [ns]
     :param frame_prefix: a text before the frame name; no separator is added
     """
-    stamp, frame = source.header.stamp_nsec, source.header.frame_id or LASER_FRAME
+    stamp, frame = source.header.stamp_nsec, source.header.frame_id or KACHAKA_LASER_FRAME
     return laser_scan(
         Scan(now if stamp <= 0 else stamp, source.angle_min, source.angle_increment,
              source.range_min, source.range_max, source.ranges),
@@ -165,8 +164,8 @@ class GrpcRobot(BridgedRobot):
         return '' if result.is_success else self._driver.describe(result) or 'no reason given'
 
     def activate_laser(self) -> str:
-        """Let the laser run for LASER_TIME (5 s); return why it failed, or an empty text."""
-        result = self._robot.client.activate_laser(LASER_TIME, READING_DEADLINE)
+        """Let the laser run for 5 s from now on; return why it failed, or an empty text."""
+        result = self._robot.client.activate_laser(KACHAKA_LASER_TIME, READING_DEADLINE)
         return '' if result.is_success else self._driver.describe(result) or 'no reason given'
 
     def close(self) -> None:

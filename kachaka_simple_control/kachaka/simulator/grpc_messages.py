@@ -26,6 +26,7 @@ from typing import Any
 
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_simple_control.files.cdr import Scan
+from kachaka_simple_control.files.robot_profile import KACHAKA_LASER_FRAME
 from kachaka_simple_control.kachaka.robot_status import (
     ERROR_NO_FURNITURE,
     ERROR_NOT_A_VELOCITY,
@@ -36,7 +37,6 @@ from kachaka_simple_control.kachaka.robot_status import (
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
 from kachaka_simple_control.kachaka.simulator.floor_map import floor_map, RESOLUTION
 from kachaka_simple_control.kachaka.simulator.grpc_state import SimulatorState
-from kachaka_simple_control.kachaka.simulator.laser import LASER_FRAME
 from kachaka_simple_control.kachaka.simulator.tasks import (
     Action,
     drive_straight,
@@ -113,7 +113,7 @@ def imu(heading: float, velocity: Velocity, acceleration: float, stamp: int) -> 
 def laser_scan(scan: Scan, period: float, stamp: int) -> pb2.RosLaserScan:
     """Return the gRPC message of a scan; the angles are those of linspace(min, max)."""
     return pb2.RosLaserScan(
-        header=pb2.RosHeader(stamp_nsec=stamp, frame_id=LASER_FRAME),
+        header=pb2.RosHeader(stamp_nsec=stamp, frame_id=KACHAKA_LASER_FRAME),
         angle_min=scan.angle, angle_max=scan.angle + scan.increment * (len(scan.ranges) - 1),
         angle_increment=scan.increment, scan_time=period, range_min=scan.nearest,
         range_max=scan.farthest, ranges=scan.ranges)

@@ -28,6 +28,7 @@ from typing import Any
 import grpc
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_api.generated.kachaka_api_pb2_grpc import KachakaApiServicer
+from kachaka_simple_control.files.robot_profile import KACHAKA_LASER, KACHAKA_LASER_FRAME
 from kachaka_simple_control.kachaka.robot_status import (
     ERROR_NOT_A_VELOCITY,
     ERROR_NOTHING_TO_DO,
@@ -43,15 +44,13 @@ from kachaka_simple_control.kachaka.simulator.drive_model import (
     ROBOT_FRAME,
 )
 from kachaka_simple_control.kachaka.simulator.grpc_state import LongPollValue, SimulatorState
-from kachaka_simple_control.kachaka.simulator.laser import LASER_FRAME
 from kachaka_simple_control.motion.floor import Floor
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 
 MAP_FRAME = 'map'
 BODY_FRAME = 'base_link'
-#: The pose of the laser in the frame ``base_link`` [m, rad], and the height of the laser [m], from
-#: kachaka_description in pf-robotics/kachaka-api.
-LASER, LASER_HEIGHT = Pose(0.156, 0.0, math.pi / 2.0), 0.1049
+#: The height of the laser [m], from kachaka_description in pf-robotics/kachaka-api.
+LASER_HEIGHT = 0.1049
 EMPTY = Floor()
 #: The list of errors in the JSON format of the robot.  The format has texts in two languages; here
 #: both texts are English.
@@ -221,7 +220,8 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
         """Return the fixed transforms base_footprint to base_link to laser_frame."""
         cursor, _ = await self.values['constant'].get(request.metadata.cursor)
         stamp = self.state.clock.stamp()
-        laser = grpc_messages.transform(LASER, BODY_FRAME, LASER_FRAME, stamp)
+        laser = grpc_messages.transform(
+            KACHAKA_LASER.pose, BODY_FRAME, KACHAKA_LASER_FRAME, stamp)
         laser.translation.z = LASER_HEIGHT
         body = grpc_messages.transform(ORIGIN, ROBOT_FRAME, BODY_FRAME, stamp)
         return pb2.GetStaticTransformResponse(

@@ -36,8 +36,6 @@ from kachaka_simple_control.motion.geometry import (
     transform_point,
 )
 
-#: The frame of its scans, from kachaka_description in pf-robotics/kachaka-api.
-LASER_FRAME = 'laser_frame'
 #: Nearer than this it sees nothing [m]; assumed.
 NEAREST = 0.05
 #: What a hole of a scan has instead of a range; which of them a real one has is not known.
@@ -60,7 +58,7 @@ class Rays(NamedTuple):
 
 @lru_cache(maxsize=8)
 def rays(count: int) -> Rays:
-    """Return the directions of so many ranges, from -pi to pi: the last is the first one again."""
+    """Return the directions of a number of ranges, from -pi to pi: the last is the first again."""
     increment = math.tau / (count - 1)
     angles = [FIRST_ANGLE + index * increment for index in range(count)]
     return Rays(increment, tuple(map(math.cos, angles)), tuple(map(math.sin, angles)))
@@ -194,7 +192,7 @@ class SimulatedLaser:
             return math.inf
         if parameters.noise:
             distance += noise.gauss(0.0, parameters.noise)
-        # What is too near is told as 0, which says nothing.
+        # A real laser reports 0 for what is too near.
         return 0.0 if distance < NEAREST else distance
 
 

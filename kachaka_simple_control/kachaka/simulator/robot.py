@@ -24,7 +24,7 @@ import math
 
 from kachaka_simple_control.files.cdr import Scan
 from kachaka_simple_control.files.floor_file import LaserParameters
-from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.files.robot_profile import KACHAKA, KACHAKA_LASER
 from kachaka_simple_control.kachaka.robot_status import (
     ERROR_CANCELLED,
     ERROR_NO_MANUAL_CONTROL,
@@ -88,7 +88,6 @@ class SimulatedKachaka:
             docked: bool = False, seed: int = 0, floor: Floor | None = None,
             laser: LaserParameters = USUAL_LASER, place: Pose = ORIGIN) -> None:
         assert KACHAKA.footprint is not None
-        assert KACHAKA.laser is not None
         self.parameters = parameters
         self.floor = floor
         self.laser = laser
@@ -96,7 +95,7 @@ class SimulatedKachaka:
         self._drive = DriveModel(
             parameters, start, seed, None if floor is None else ContactFinder(
                 floor, KACHAKA.footprint, start, place))
-        self._laser = SimulatedLaser(laser, KACHAKA.laser.pose, floor or Floor(), start, seed)
+        self._laser = SimulatedLaser(laser, KACHAKA_LASER.pose, floor or Floor(), start, seed)
         self._now = start
         self._is_docked = docked
         self._is_paused = False
