@@ -221,7 +221,8 @@ def _trouble(robot: Robot, drive: DriveProgress, now: float) -> str:
     if drive.state not in UNDER_WAY:
         return ''
     if held_by := describe_hold(drive.state, drive.factors, drive.watch):
-        return f'{HELD} {held_by}'
+        # The others wait for that robot, and nothing is wrong with them.
+        return f'{HELD} {held_by}' if is_hold(drive.factors.get(OBSTACLE, 1.0)) else ''
     holders = [name for name, factor in drive.factors.items() if is_hold(factor) and name != PAUSE]
     if holders:
         return f'held by: {", ".join(holders)}'

@@ -219,3 +219,21 @@ def test_a_page_of_the_console_runs_and_stops_a_fleet(tmp_path):
             client.until(lambda: client.state['state'] == 'standing by')
         program.send(signal.SIGINT)
         assert program.end() == 130
+
+
+@pytest.mark.needs('sensor_msgs')
+def test_an_obstacle_before_one_robot_is_named_and_nothing_is_wrong_with_the_others(tmp_path):
+    floor = tmp_path / 'post.yaml'
+    floor.write_text('posts: [{at: [1 m, 2.45 m], radius: 5 cm}]\n')
+    text = FLEET.replace('back.yaml', 'ahead.yaml')
+    with commanded(tmp_path, '--sim', '--watch', f'--floor={floor}', text=text) as fleet:
+        assert fleet.lines[0]['floor']['posts'] == [[1.0, 2.45, 0.05]]
+        assert fleet.ask('run')['is_done']
+        fleet.until(lambda: fleet.state['held_by'])
+        state = fleet.state
+        assert state['held_by'].startswith('r1: obstacle 0.')
+        assert (state['state'], state['watch']['state']) == ('paused', 'obstacle')
+        assert set(state['states']) == {'paused'}
+        assert [*state['troubles']] == ['r1']
+        assert fleet.ask('stop')['is_done']
+        assert fleet.ask('release')['text'] == 'released'
