@@ -37,7 +37,7 @@ from kachaka_simple_control.errors import (
     RobotMovedError,
     UsageError,
 )
-from kachaka_simple_control.files.watch_check import require_watchable, watch_errors
+from kachaka_simple_control.files.watch_check import watch_errors
 from kachaka_simple_control.kachaka.bridge_process import OwnSimulation, require_floor
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.limits import Limits
@@ -202,8 +202,6 @@ class KachakaSimpleControl(DriveNode):
         rate = self.node_parameters.rate if rate is None else require_number('rate', rate, 'Hz')
         if problem := rate_problem(rate, self.profile.command_timeout, self.profile.name):
             raise UsageError(f'rate is {problem}')
-        if self.node_parameters.watch:
-            require_watchable(motion, self.profile)
         if self.node_parameters.corners:
             motion = replace(motion, corners=self.node_parameters.corners)
         self.drive(DriveOrder.of(

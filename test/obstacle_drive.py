@@ -25,7 +25,7 @@ from kachaka_simple_control.control.scan_watch import ScanWatch
 from kachaka_simple_control.control.scans import points_of
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.tick import Tick
-from kachaka_simple_control.control.tick_scheduler import TickScheduler, watched
+from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.files.floor_file import LaserParameters
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.simulator.drive_model import (
@@ -90,8 +90,7 @@ class ObstacleDrive:
         self._samples = 0
         self._pass(START)
         scheduler, due = TickScheduler(made), 0.0
-        scheduler_point = watched(scheduler)
-        for _ in self._watch.prepare(_At(START), 'scan', made, Pose, scheduler_point):
+        for _ in self._watch.prepare(_At(START), 'scan', made, Pose, scheduler):
             raise AssertionError('there is a scan')
         self._factor.set('override', self.speed)
         while due < self.longest:
@@ -100,7 +99,7 @@ class ObstacleDrive:
             if tick is None:
                 break
             self._robot.set_target(tick.velocity, self._now)
-            self._watch.watch.on_sent(self._now, tick.plan_time)
+            self._watch.on_sent(self._now, tick.plan_time)
             self.sent.append(tick)
             due = tick.deadline
         self.is_complete = due < self.longest
@@ -120,7 +119,7 @@ class ObstacleDrive:
                 if self._was_moving and velocity.is_zero and self._factor.value == 0.0:
                     self.gaps.append(nearest)
             self._was_moving = not velocity.is_zero
-            self._watch.watch.on_odometry(time, pose)
+            self._watch.on_odometry(time, pose)
             if time >= self._next_scan and time < START + self.silent_from:
                 points = points_of(self._laser.scan(pose, time), LASER.pose)
                 if points is not None:

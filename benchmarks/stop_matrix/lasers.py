@@ -52,7 +52,7 @@ START_TIMEOUT, OBEY_TIMEOUT = 20.0, 2.0
 
 
 class Mode(Enum):
-    """What a laser publishes."""
+    """The kinds of scans that a laser publishes."""
 
     #: a free way
     CLEAR = 'clear'

@@ -26,7 +26,7 @@ from benchmarks.stop_matrix.faults import Injector
 from benchmarks.stop_matrix.fleets import APART
 from benchmarks.stop_matrix.lasers import Lasers, Mode, PERIOD
 from benchmarks.stop_matrix.trial_setup import TrialContext
-from kachaka_simple_control.control.timing import CLEAR_TIME, SCAN_TIMEOUT
+from kachaka_simple_control.control.timing import CLEAR_TIME
 from waiting import poll
 
 if TYPE_CHECKING:
@@ -40,9 +40,9 @@ CHANGE_TIMEOUT = 4.0
 HELD_TIME = 0.5
 #: The time between two velocities [s].
 SEND_PERIOD = 0.1
-#: The longest time from the last scan to the first velocity of the brake [s], with a margin for a
-#: loaded machine.
-BRAKE_TIMEOUT = SCAN_TIMEOUT + SEND_PERIOD + 0.1
+#: The longest time from the last scan to the first velocity of the brake [s]: SCAN_TIMEOUT, a
+#: message, and 0.05 s for a loaded machine.
+BRAKE_TIMEOUT = 0.5
 #: The longest time from the first free scan until a robot goes on [s], likewise.
 RELEASE_TIMEOUT = CLEAR_TIME + PERIOD + SEND_PERIOD + 0.1
 #: The service that stops the robots of a program.

@@ -211,8 +211,6 @@ class RemoteControl(RemoteCommands):
         hand = HandSource(
             self._robot_control.profile.planning_limits,
             self._robot.drive.on_source_changed, cut=self._robot.cut)
-        if self._robot.watch is not None:
-            self._robot.watch.on_change = hand.cut_again
         with self._lock:
             if request is None:
                 if not self._is_taken:

@@ -38,7 +38,6 @@ from kachaka_simple_control.control.events import (
     VelocityKind,
     VelocitySent,
     WatchChanged,
-    WatchState,
 )
 from kachaka_simple_control.control.hold_text import describe_hold
 from kachaka_simple_control.control.robot_drive import DriveProgress, UNDER_WAY
@@ -54,9 +53,6 @@ from kachaka_simple_control.ros.robot import Robot
 SCAN_PERIOD, MAX_SCAN_POINTS = 0.2, 180
 #: No scan is written while the reader has left so much unread [bytes]: some states.
 MAX_UNREAD = 4096
-WATCHES: dict[WatchState, protocol.WatchName] = {
-    WatchState.CLEAR: 'clear', WatchState.OBSTACLE: 'obstacle', WatchState.NO_SCAN: 'no scan',
-    WatchState.BLIND: 'blind'}
 #: How many poses are kept, to find that of a scan, which arrives later than it was taken.
 KEPT_POSES = 50
 
@@ -259,7 +255,7 @@ def floor_map(floor: Floor | None) -> protocol.FloorMap | None:
 def watch_report(watch: WatchChanged | None) -> protocol.Watch | None:
     """Return what an obstacle watch says, for a report; None without one."""
     return None if watch is None else protocol.Watch(
-        WATCHES[watch.state], _rounded(watch.distance, 3), _rounded(watch.angle, 3))
+        watch.state.value, _rounded(watch.distance, 3), _rounded(watch.angle, 3))
 
 
 def _pose(pose: Pose | None) -> tuple[float, float, float] | None:

@@ -249,7 +249,7 @@ class DriveMonitor:
         :param plan_time: the point in the plan [s]; None without a plan
         """
         if self.watch is not None:
-            self.watch.watch.on_sent(now, plan_time)
+            self.watch.on_sent(now, plan_time)
         is_held = rest == math.inf
         if not is_held:
             self._held_since, self._is_released = None, False

@@ -272,7 +272,7 @@ class SpeedFactorChanged:
 
 
 class WatchState(Enum):
-    """What the obstacle watch of a robot says; the value is the word that is shown."""
+    """What the obstacle watch of a robot says; the values are shown."""
 
     CLEAR = 'clear'
     #: held: something is on the planned path

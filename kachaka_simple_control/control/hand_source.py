@@ -102,7 +102,7 @@ class HandSource:
         if allowed.is_zero and not was_zero:
             self._on_change()
 
-    def cut_again(self) -> None:
+    def on_scan(self) -> None:
         """Apply ``cut`` to the newest command again, because something else was seen."""
         commanded = self._commanded
         allowed = self._cut(commanded)
@@ -144,6 +144,10 @@ class HandSource:
                 elapsed + (HAND_PERIOD if velocity.is_zero else min(HAND_PERIOD, left)),
                 math.inf if is_hold(factor) and velocity.is_zero else 0.0)
             return tick
+
+    def watch(self) -> Callable[[], None]:
+        """Return what returns None, for there is no plan."""
+        return lambda: None
 
     def _check(self, velocity: Velocity, sequence: int, stamp: float) -> None:
         if sequence <= self._sequence or stamp < self._newest_stamp:

@@ -26,7 +26,7 @@ import math
 from kachaka_simple_control.control.events import RobotsApart, VelocityKind
 from kachaka_simple_control.control.speed_factor import is_hold
 from kachaka_simple_control.control.tick import Tick
-from kachaka_simple_control.control.tick_scheduler import TickScheduler
+from kachaka_simple_control.control.tick_scheduler import PlanPoint, TickScheduler
 from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.motion.plan import Plan
 
@@ -100,11 +100,6 @@ class PlanInStep:
         self._deadline = 0.0
 
     @property
-    def plan(self) -> TickScheduler:
-        """Return the scheduler of the plan."""
-        return self._plan
-
-    @property
     def delay(self) -> float | None:
         """Return by how much the plan is late, without the present wait [s]; None if open."""
         delay = None if is_hold(self._factor) else self._plan.delay
@@ -117,6 +112,13 @@ class PlanInStep:
         # It has promised a zero until then, and is not called before.
         return delay if self._zero is None or rest is None else max(
             delay, self._zero.deadline - rest)
+
+    def watch(self) -> Callable[[], PlanPoint | None]:
+        """Return what tells how far the plan is, as ``VelocitySource.watch`` says."""
+        return self._plan.watch()
+
+    def on_scan(self) -> None:
+        """Do nothing: the speed factor holds a plan."""
 
     def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
         """Return the velocity that is due, as ``VelocitySource.due`` says."""

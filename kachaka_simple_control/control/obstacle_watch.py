@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 import math
 from operator import itemgetter
 import statistics
@@ -88,12 +88,28 @@ class Verdict(NamedTuple):
     angle: float | None = None
 
 
+class Sight(NamedTuple):
+    """
+    A scan that was compared with the planned path.
+
+    :param way: the path; None if velocities are commanded directly
+    :param left: how far [m] and how much [rad] the robot can still drive and turn on it before it
+        touches what was seen; None if nothing holds it
+    """
+
+    taken: float
+    points: Sequence[Point]
+    way: PlannedWay | None
+    left: tuple[float, float] | None
+
+
 class ObstacleWatch:
     """
     Compares each scan with the planned path, and decides whether the robot goes on.
 
-    One thread calls ``begin``, ``on_odometry`` and ``on_scan``; any may call the others.  Times
-    are on the steady clock [s].
+    ``look`` takes some ms and changes nothing, so that no thread waits for it.  One thread at a
+    time may call ``begin``, ``decide``, ``check`` and ``go_blind``; any may call the others.
+    Times are on the steady clock [s].
 
     :param margin: what stays free around the outline [m]
     :param delay: from a velocity to its effect [s]; None if it was not measured: then odometry
@@ -150,7 +166,7 @@ class ObstacleWatch:
             for cell in _cells_around(x, y))
         self._clear_since = None
         self.state = WatchState.CLEAR
-        return self._judge()
+        return self.decide(self.look(self.taken, self.points))
 
     def on_sent(self, now: float, plan_time: float | None) -> None:
         """Note which plan time was sent; for the thread that drives."""
@@ -162,14 +178,37 @@ class ObstacleWatch:
         """Note a pose of odometry, which arrives in order of time."""
         self._odometry.append((now, pose))
 
-    def on_scan(self, taken: float, points: Sequence[Point]) -> Verdict:
-        """Compare a scan with the path, and decide."""
-        if 0.0 < taken - self.taken < SCAN_TIMEOUT:
-            self._periods.append(taken - self.taken)
-        else:
+    def look(self, taken: float, points: Sequence[Point]) -> Sight:
+        """
+        Compare a scan with the planned path.
+
+        :param points: in the frame of the robot
+        """
+        way = self._way
+        return Sight(taken, points, way, None if way is None else self._search(
+            way, taken, points))
+
+    def decide(self, sight: Sight) -> Verdict:
+        """Decide by the newest scan whether the robot goes on."""
+        if 0.0 < sight.taken - self.taken < SCAN_TIMEOUT:
+            self._periods.append(sight.taken - self.taken)
+        elif sight.taken != self.taken:
             self._clear_since = None
-        self.taken, self.points = taken, points
-        return self._judge()
+        self.taken, self.points = sight.taken, sight.points
+        if sight.way is not self._way:  # a drive has begun meanwhile
+            return Verdict(self.state)
+        self._blind_until = -math.inf
+        if sight.left is not None:
+            self._clear_since, self.state = None, WatchState.OBSTACLE
+            return Verdict(self.state, *sight.left)
+        if self._clear_since is None:
+            self._clear_since = self.taken
+        is_held = self._way is not None and self.state in (
+            WatchState.OBSTACLE, WatchState.NO_SCAN)
+        # A part of a period less: scans do not come to the millisecond.
+        if not is_held or self.taken - self._clear_since >= CLEAR_TIME - 0.2 * self.period:
+            self.state = WatchState.CLEAR
+        return Verdict(self.state)
 
     def check(self, now: float) -> Verdict | None:
         """Return NO_SCAN if the last scan is too old by now, once; None otherwise."""
@@ -198,51 +237,39 @@ class ObstacleWatch:
         # Until the next scan is compared and has an effect.
         lag = now - self.taken + self.period + HAND_PERIOD + (
             UNKNOWN_DELAY if self._delay is None else self._delay)
-        return cut(wanted, self.foreign_points, self._wide, self._outline, limits, lag)
+        return cut(
+            wanted, self._foreign(self.points), self._wide, self._outline, limits, lag)
 
     @property
     def valid_until(self) -> float:
         """Return until when the newest answer is valid, if no other follows [s]."""
         return max(self._blind_until, self.taken + SCAN_TIMEOUT)
 
-    @property
-    def foreign_points(self) -> Sequence[Point]:
-        """Return what the newest scan has seen, without the robot itself."""
+    def _foreign(self, points: Sequence[Point]) -> Sequence[Point]:
+        """Return what a scan has seen, without the robot itself."""
         own = self._own
-        return self.points if not own else [
-            point for point in self.points if _cell(*point) not in own]
+        return points if not own else [point for point in points if _cell(*point) not in own]
 
-    def _judge(self) -> Verdict:
-        self._blind_until = -math.inf
-        found = None if self._way is None else self._search(self._way)
-        if found is not None:
-            self._clear_since, self.state = None, WatchState.OBSTACLE
-            return Verdict(self.state, *found)
-        if self._clear_since is None:
-            self._clear_since = self.taken
-        is_held = self.state in (WatchState.OBSTACLE, WatchState.NO_SCAN) and (
-            self._way is not None)
-        # Half a period less: scans do not come to the millisecond.
-        if not is_held or self.taken - self._clear_since >= CLEAR_TIME - 0.2 * self.period:
-            self.state = WatchState.CLEAR
-        return Verdict(self.state)
-
-    def _search(self, way: PlannedWay) -> tuple[float, float] | None:
+    def _search(
+            self, way: PlannedWay, taken: float,
+            points: Sequence[Point]) -> tuple[float, float] | None:
         """Return the way to the contact with what must hold the robot; None if it is free."""
         point = self._point()
-        start = self._place(way, self.taken)
+        start = self._place(way, taken)
         # The next scan can hold it with the message after it.
-        since = max(0.0, self.taken - self._notes[-1][0]) if self._notes else 0.0
+        since = max(0.0, taken - self._notes[-1][0]) if self._notes else 0.0
         rest = 0.0 if point is None else point.rest(
             self.period + way.plan.period + min(since, way.plan.period),
             max(REST_STEP, way.plan.period))
         if point is None or self.state is not WatchState.CLEAR or is_hold(point.factor):
             rest = way.time_after(rest, FREE_LENGTH, FREE_ANGLE)
         ahead = [*way.between(start, max(start, rest))]
-        points = PointMap(self._relative(ahead[0].pose, ahead[-1].length + CONTACT_LENGTH))
+        seen = PointMap(_placed(
+            self._foreign(points), ahead[0].pose,
+            self._wide.reach + ahead[-1].length + CONTACT_LENGTH))
         for here in ahead:
-            if points.touches(self._wide, here.pose):
-                return self._contact(way, points, here)
+            if seen.touches(self._wide, here.pose):
+                return self._contact(way, seen, here)
         return None
 
     def _contact(
@@ -256,17 +283,6 @@ class ObstacleWatch:
             if here.length > CONTACT_LENGTH or here.angle > CONTACT_ANGLE:
                 break
         return first.length, first.angle
-
-    def _relative(self, pose: Pose, length: float) -> Iterable[Point]:
-        """
-        Return the points seen from the start of the plan; the robot was at a pose of it.
-
-        :param length: those that are farther are left out [m]
-        """
-        cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
-        reach = self._wide.reach + length
-        return ((pose.x + x * cosine - y * sine, pose.y + x * sine + y * cosine)
-                for x, y in self.foreign_points if -reach <= x <= reach and -reach <= y <= reach)
 
     def _place(self, way: PlannedWay, time: float) -> float:
         """Return the plan time at which the robot was at a time, by its delay or by odometry."""
@@ -300,6 +316,17 @@ class ObstacleWatch:
             return notes[min(index, len(notes) - 1)][1] if notes else 0.0
         (before, one), (after, two) = notes[index - 1:index + 1]
         return one + (two - one) * (time - before) / (after - before)
+
+
+def _placed(points: Iterable[Point], pose: Pose, reach: float) -> Iterator[Point]:
+    """
+    Yield points that were seen from a pose, in the frame of the pose.
+
+    :param reach: those that are farther away are left out [m]
+    """
+    cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
+    return ((pose.x + x * cosine - y * sine, pose.y + x * sine + y * cosine)
+            for x, y in points if -reach <= x <= reach and -reach <= y <= reach)
 
 
 def _cell(x: float, y: float) -> tuple[int, int]:

@@ -28,7 +28,7 @@ from kachaka_simple_control.control.hold_text import describe_watch
 from kachaka_simple_control.control.obstacle_watch import ObstacleWatch, Verdict
 from kachaka_simple_control.control.preparation import Moment, Steps, until
 from kachaka_simple_control.control.speed_factor import OBSTACLE, SpeedFactor
-from kachaka_simple_control.control.tick_scheduler import PlanPoint
+from kachaka_simple_control.control.tick_scheduler import VelocitySource
 from kachaka_simple_control.control.timing import (
     LASER_PERIOD,
     LONG_HOLD,
@@ -36,11 +36,16 @@ from kachaka_simple_control.control.timing import (
     SCAN_TIMEOUT,
 )
 from kachaka_simple_control.errors import RobotNotFoundError
-from kachaka_simple_control.motion.geometry import Point, Pose
+from kachaka_simple_control.motion.geometry import Point, Pose, Velocity
+from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan
 
 #: An obstacle at another distance is told if it has changed by more [m], [rad].
 TOLD_LENGTH, TOLD_ANGLE = 0.025, 0.05
+
+
+def do_nothing() -> None:
+    """Do nothing."""
 
 
 class ScanWatch:
@@ -53,48 +58,58 @@ class ScanWatch:
     :param name: of the robot; empty for the only one of a node
     :ivar others: the speed factors of the other robots of a drive, which are held as well
     :ivar activate: lets the laser run for some seconds, also while the robot rests
-    :ivar on_change: called when a scan has come, or is missing
     :ivar told: what was published last, or that all is free at the start; None outside a drive
     """
 
     def __init__(
             self, watch: ObstacleWatch, speed_factor: SpeedFactor, name: str,
             publish: Callable[[Event], None], log: Callable[[str], object]) -> None:
-        self.watch = watch
+        self._watch = watch
         self._speed_factor, self._name = speed_factor, name
         self._publish, self._log = publish, log
         self.others: Sequence[SpeedFactor] = ()
         self.activate: Callable[[], None] = lambda: None
-        self.on_change: Callable[[], None] = lambda: None
         self.told: WatchChanged | None = None
-        # Held while a scan is compared, which takes some ms: the thread that drives never waits
-        # for it.
         self._lock = threading.RLock()
         self._is_driving = False
+        #: ``on_scan`` of the source of the drive
+        self._on_scan = do_nothing
         self._held_since: float | None = None
         self._activated = -math.inf
 
     def on_scan(self, now: float, taken: float, points: Sequence[Point]) -> None:
         """Compare a scan, with points in the frame of the robot, with the planned path."""
+        sight = self._watch.look(taken, points)
         with self._lock:
-            verdict = self.watch.on_scan(taken, points)
+            verdict = self._watch.decide(sight)
             if self._is_driving:
                 self._apply(verdict, now)
-        self.on_change()
+        self._on_scan()
+
+    def on_sent(self, now: float, plan_time: float | None) -> None:
+        """Note which plan time was sent; for the thread that drives."""
+        self._watch.on_sent(now, plan_time)
+
+    def on_odometry(self, now: float, pose: Pose) -> None:
+        """Note a pose of odometry, which arrives in order of time."""
+        self._watch.on_odometry(now, pose)
+
+    def cut(self, wanted: Velocity, limits: Limits, now: float) -> Velocity:
+        """Return the part of a velocity by hand that the watch allows."""
+        return self._watch.cut(wanted, limits, now)
 
     def prepare(
             self, moment: Moment, topic: str, plan: Plan | None, start: Callable[[], Pose | None],
-            point: Callable[[], PlanPoint | None] = lambda: None) -> Steps[None]:
+            source: VelocitySource) -> Steps[None]:
         """
         Wait for a scan, and begin to watch a drive.
 
         :param plan: None if velocities are commanded directly
         :param start: returns the pose by odometry; None if unknown
-        :param point: returns how far the plan is; None before the first velocity
         :raises RobotNotFoundError: if no scan comes in time
         """
         def has_scan() -> bool:
-            if moment.now - self.watch.taken <= SCAN_TIMEOUT:
+            if moment.now - self._watch.taken <= SCAN_TIMEOUT:
                 return True
             self._keep_running(moment.now)
             return False
@@ -105,14 +120,15 @@ class ScanWatch:
                 f's none that says anything has come on {topic}: let the laser run (that of a '
                 'Kachaka rests while the robot stands), or leave watch out and clear the floor')
         with self._lock:
-            self._is_driving = True
-            self._apply(self.watch.begin(plan, start(), point), moment.now)
+            self._is_driving, self._on_scan = True, source.on_scan
+            self._apply(self._watch.begin(plan, start(), source.watch()), moment.now)
 
     def end(self) -> None:
         """End to watch, after a drive."""
         with self._lock:
             if self._is_driving:
                 self._is_driving, self._held_since, self.told = False, None, None
+                self._on_scan = do_nothing
                 self._set(1.0, None)
             self.others = ()
 
@@ -122,38 +138,41 @@ class ScanWatch:
 
         :param is_at_rest: whether the drive has the robot at rest, and nobody has paused it
         """
+        # Who has the lock sets the factor just now; the thread that drives does not wait for it.
         if self._lock.acquire(blocking=False):
             try:
-                self._poll(now)
+                is_lost = self._poll(now)
             finally:
                 self._lock.release()
+            if is_lost:
+                self._on_scan()
         if is_at_rest:
             self._keep_running(now)
 
     def go_blind(self, now: float) -> bool:
         """Go on slowly without a scan, as a person wants; return whether scans were missing."""
         with self._lock:
-            verdict = self.watch.go_blind(now) if self._is_driving else None
+            verdict = self._watch.go_blind(now) if self._is_driving else None
             if verdict is not None:
                 self._apply(verdict, now)
         return verdict is not None
 
-    def _poll(self, now: float) -> None:
+    def _poll(self, now: float) -> bool:
         if not self._is_driving:
-            return
-        verdict = self.watch.check(now)
+            return False
+        verdict = self._watch.check(now)
         if verdict is not None:
             self._apply(verdict, now)
-            self.on_change()
         if self._held_since is not None and now - self._held_since >= LONG_HOLD:
             self._held_since = math.inf
             self._log(
                 f'Held for {LONG_HOLD:g} s: {describe_watch(self.told, {})}. Clear the way, or '
                 'stop the robot')
+        return verdict is not None
 
     def _apply(self, verdict: Verdict, now: float) -> None:
-        valid_for = self.watch.valid_until - now
-        factor = self.watch.factor if valid_for > 0.0 else 0.0
+        valid_for = self._watch.valid_until - now
+        factor = self._watch.factor if valid_for > 0.0 else 0.0
         self._set(factor, valid_for if factor else None)
         told = WatchChanged(now, *verdict)
         if not _is_told(self.told, told):

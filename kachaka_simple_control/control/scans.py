@@ -29,6 +29,8 @@ from kachaka_simple_control.motion.geometry import Point, Pose
 #: A scan counts if at least this part of its ranges says something: a distance, or that nothing is
 #: near.  A laser that is covered has none.
 LEAST_KNOWN = 0.1
+#: By how much two clocks may drift apart [s/s].  Chosen: twice the rate at which NTP moves one.
+DRIFT = 1e-3
 #: A larger distance is no distance [m].
 FARTHEST = 1000.0
 #: A range of 0 means that there is none [m].
@@ -39,11 +41,12 @@ class ScanClock:
     """
     Tells when a scan was taken by its stamp, whatever the clock of the laser says.
 
-    The scan that was quickest to arrive so far is the reference.
+    The scan that was quickest to arrive so far is the reference; it is taken for slower by DRIFT,
+    so that clocks may drift.
     """
 
     def __init__(self) -> None:
-        self._offset = math.inf
+        self._offset, self._arrived = math.inf, math.inf
         self._newest = 0
 
     def taken(self, arrived: float, stamp: int) -> float | None:
@@ -56,7 +59,8 @@ class ScanClock:
         offset = arrived - stamp / NANO
         if stamp <= self._newest or offset < self._offset - SCAN_TIMEOUT < math.inf:
             return None
-        self._newest, self._offset = stamp, min(self._offset, offset)
+        reference = self._offset + DRIFT * max(0.0, arrived - self._arrived)
+        self._newest, self._offset, self._arrived = stamp, min(reference, offset), arrived
         taken = stamp / NANO + self._offset
         return taken if arrived - taken <= SCAN_TIMEOUT else None
 

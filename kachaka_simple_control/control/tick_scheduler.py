@@ -94,6 +94,12 @@ class VelocitySource(Protocol):
         :param factor: the speed factor from the start of the returned tick on
         """
 
+    def watch(self) -> Callable[[], PlanPoint | None]:
+        """Return what tells any thread how far the plan is; it returns None without a plan."""
+
+    def on_scan(self) -> None:
+        """Note that an obstacle watch has compared a scan, or misses one; for any thread."""
+
 
 class TickScheduler:
     """
@@ -122,10 +128,10 @@ class TickScheduler:
         self._before = TimedVelocity(ZERO, plan.period)
         self._ticks = self._as_planned(0, 0.0)
         self._tick = next(self._ticks, None)
-        #: whether ``point`` is wanted, which takes some time at each tick
-        self.is_watched = False
-        #: of the newest call of ``due``, for any thread; None before
-        self.point: PlanPoint | None = None
+        #: whether ``_point`` is wanted, which takes some time at each tick
+        self._is_watched = False
+        #: of the newest call of ``due``; None before
+        self._point: PlanPoint | None = None
 
     def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
         """Return the velocity that is due, as :meth:`VelocitySource.due` says."""
@@ -136,10 +142,18 @@ class TickScheduler:
         self.skipped = max(0, passed - 1)
         if self._tick is not None and factor != self._factor:
             self._change_factor(self._tick, factor)
-        if self.is_watched and self._tick is not None:
-            self.point = PlanPoint(
+        if self._is_watched and self._tick is not None:
+            self._point = PlanPoint(
                 self._plan, self._tick, factor, copy(self._replanned), self._before)
         return self._tick
+
+    def watch(self) -> Callable[[], PlanPoint | None]:
+        """Return what tells how far the plan is, as :meth:`VelocitySource.watch` says."""
+        self._is_watched = True
+        return lambda: self._point
+
+    def on_scan(self) -> None:
+        """Do nothing: the speed factor holds a plan."""
 
     @property
     def delay(self) -> float | None:
@@ -226,15 +240,6 @@ class TickScheduler:
                 if delay + following > delay + start:
                     yield Tick(segment.velocity, delay + start, delay + following, rest, start)
                 number, start = number + 1, following
-
-
-def watched(source: VelocitySource) -> Callable[[], PlanPoint | None]:
-    """Let a source keep ``point``, and return what returns it; None without a plan."""
-    scheduler = getattr(source, 'plan', source)
-    if not isinstance(scheduler, TickScheduler):
-        return lambda: None
-    scheduler.is_watched = True
-    return lambda: scheduler.point
 
 
 def _rests(plan: Plan) -> Iterator[float]:

@@ -283,8 +283,8 @@ CONNECTION_TIMEOUT = 1.0
 # --- Obstacle watch ------------------------------------------------------------------------------
 
 #: A robot is held if it has no scan that is newer than this.  Chosen: a laser of 10 Hz may miss
-#: three scans, and with the next message at 10 Hz the robot is held after 0.5 s.
-SCAN_TIMEOUT = 0.4
+#: two scans, and with the next message at 10 Hz the robot is held within 0.5 s.
+SCAN_TIMEOUT = 0.35
 #: How long the way must be free by all scans before a held robot goes on.  Chosen: a person who
 #: crosses it leaves it for a moment, too.
 CLEAR_TIME = 1.0

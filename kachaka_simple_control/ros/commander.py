@@ -131,10 +131,13 @@ class Commander:
             they are
         :param repeat: the number of rounds; all begin each together
         :param on_round: called before each round with its number, from 1
-        :raises InvalidMotionError: if a robot cannot do its motion; none has moved then
+        :raises InvalidMotionError: if a robot cannot do its motion, or its obstacle watch cannot
+            watch it; none has moved then
         :raises ControlError: if there is no control of a robot, or the drive ended early
         """
         with self._accepted(request, orders) as accepted:
+            for robot, order in orders.items():
+                robot.require_watchable(order.motion)
             accepted.period = min(order.plan.period for order in orders.values())
             for number in range(1, repeat + 1):
                 if number > 1:

@@ -27,6 +27,7 @@ from kachaka_simple_control import errors
 from kachaka_simple_control.control.drive_monitor import DriveMonitor, LeaseRenewer
 from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.events import OdometryReceived, ScanReceived
+from kachaka_simple_control.control.hold_text import is_of_watch
 from kachaka_simple_control.control.obstacle_watch import ObstacleWatch
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.preparation import complete, Moment, Steps
@@ -34,10 +35,12 @@ from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.scan_watch import ScanWatch
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
-from kachaka_simple_control.control.tick_scheduler import VelocitySource, watched
+from kachaka_simple_control.control.tick_scheduler import VelocitySource
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
+from kachaka_simple_control.files.watch_check import require_watchable
 from kachaka_simple_control.motion.geometry import Point, Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Motion
 from kachaka_simple_control.process.signals import signal_dispatcher
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.hub import Hub
@@ -197,7 +200,7 @@ class Robot:
         if self.watch is not None:
             yield from self.watch.prepare(
                 moment, str(self.settings.names.laser), self.drive.progress.plan,
-                lambda: self.pose, watched(source))
+                lambda: self.pose, source)
 
     def begin(
             self, source: VelocitySource, t0: float, period: float,
@@ -217,9 +220,10 @@ class Robot:
             feedback.begin(plan, corrected)
         self.monitor.begin(time.monotonic(), feedback, period, plan is not None)
         if self.speed_factor.is_hold:
+            goes_on = all(map(is_of_watch, self.speed_factor.factors))
             self._logger.warning(
-                f'The motion is held at its start ({self.speed_factor.describe()}): resume to '
-                'go on')
+                f'The motion is held at its start ({self.speed_factor.describe()})'
+                f'{"" if goes_on else ": resume to go on"}')
         elif plan is not None and self.speed_factor.value < 1.0:
             self._logger.info(
                 f'Slower than planned: {self.speed_factor.describe()}')
@@ -284,6 +288,11 @@ class Robot:
         self.drive.finish(time.monotonic(), _text(error), is_fault=not isinstance(
             error, (errors.MotionRefusedError, KeyboardInterrupt)))
 
+    def require_watchable(self, motion: Motion) -> None:
+        """Raise an InvalidMotionError if the obstacle watch, if any, cannot watch a motion."""
+        if self.watch is not None:
+            require_watchable(motion, self.settings.profile)
+
     def go_blind(self) -> bool:
         """Go on slowly without a scan of the laser; return whether only scans were missing."""
         return self.watch is not None and self.watch.go_blind(time.monotonic())
@@ -293,7 +302,7 @@ class Robot:
         watch, profile = self.watch, self.settings.profile
         if watch is None:
             return velocity
-        return watch.watch.cut(velocity, profile.planning_limits, time.monotonic())
+        return watch.cut(velocity, profile.planning_limits, time.monotonic())
 
     def end_watch(self) -> None:
         """End to watch for obstacles, after a drive."""
@@ -317,7 +326,7 @@ class Robot:
         """Process odometry; ``is_new``: its stamp is later than the last one, or it has none."""
         self.odometry.on_odometry(now, velocity)
         if self.watch is not None:
-            self.watch.watch.on_odometry(now, pose)
+            self.watch.on_odometry(now, pose)
         if self._feedback is not None and is_new:
             self._feedback.on_odometry(now, pose, is_moving=self.odometry.is_moving(now))
         still_since = self.odometry.still_since(now)

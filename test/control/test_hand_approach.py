@@ -58,9 +58,9 @@ class HandDrive:
             points = points_of(
                 self.laser.scan(self.robot.state_at(self.now)[0], self.now), LASER.pose)
             if points is not None:
-                self.watch.on_scan(self.now, points)
+                self.watch.decide(self.watch.look(self.now, points))
                 if self.number:
-                    self.hand.cut_again()
+                    self.hand.on_scan()
 
     def command(self, wanted):
         """Move the stick."""

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from kachaka_simple_control.control.events import WatchState
 from kachaka_simple_control.control.obstacle_watch import ObstacleWatch
 from kachaka_simple_control.control.scans import points_of
-from kachaka_simple_control.control.tick_scheduler import TickScheduler, watched
+from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.files.cdr import Scan
 from kachaka_simple_control.files.floor_file import LaserParameters
 from kachaka_simple_control.files.robot_profile import KACHAKA
@@ -185,13 +185,13 @@ def test_what_the_laser_sees_of_the_robot_itself_is_no_obstacle():
     # The leg of a shelf that the robot carries, 1 cm beside the outline.
     watch = ObstacleWatch(KACHAKA.footprint, MARGIN, 0.1)
     scheduler = TickScheduler(plan(LEG, KACHAKA.limits, 20.0))
-    point = watched(scheduler)
+    point = scheduler.watch()
     leg, wall = (0.1, 0.13), (0.1, 0.16)
-    watch.on_scan(0.0, [leg])
+    watch.decide(watch.look(0.0, [leg]))
     assert watch.begin(plan(LEG, KACHAKA.limits, 20.0), None, point).state is WatchState.CLEAR
     scheduler.due(0.0)
-    assert watch.on_scan(0.1, [(0.11, 0.125)]).state is WatchState.CLEAR
-    assert watch.on_scan(0.2, [leg, wall]).state is WatchState.OBSTACLE
+    assert watch.decide(watch.look(0.1, [(0.11, 0.125)])).state is WatchState.CLEAR
+    assert watch.decide(watch.look(0.2, [leg, wall])).state is WatchState.OBSTACLE
 
 
 @given(st.lists(st.tuples(
@@ -200,14 +200,14 @@ def test_what_the_laser_sees_of_the_robot_itself_is_no_obstacle():
 def test_no_scan_raises_an_error_or_makes_the_robot_faster(scans):
     planned = plan(LEG, KACHAKA.limits, 20.0)
     watch, scheduler = ObstacleWatch(KACHAKA.footprint, MARGIN, 0.1), TickScheduler(planned)
-    watch.on_scan(0.0, [])
-    watch.begin(planned, None, watched(scheduler))
+    watch.decide(watch.look(0.0, []))
+    watch.begin(planned, None, scheduler.watch())
     due, times = 0.0, 0.1
     for angle, increment, nearest, ranges, repeated in scans:
         points = points_of(
             Scan(1, angle, increment, nearest, 8.0, ranges * repeated), LASER.pose)
         if points is not None:
-            watch.on_scan(times, points)
+            watch.decide(watch.look(times, points))
         assert watch.factor in (0.0, 1.0)
         tick = scheduler.due(due, watch.factor)
         assert abs(tick.velocity.linear_x) <= KACHAKA.limits.max_linear_velocity
@@ -219,17 +219,17 @@ def test_no_scan_raises_an_error_or_makes_the_robot_faster(scans):
 def test_a_person_may_go_on_slowly_without_a_scan_for_some_time():
     watch = ObstacleWatch(KACHAKA.footprint, MARGIN, 0.1)
     planned = plan(LEG, KACHAKA.limits, 20.0)
-    watch.on_scan(0.0, [])
+    watch.decide(watch.look(0.0, []))
     watch.begin(planned, None)
     assert watch.go_blind(0.2) is None
-    assert watch.check(0.39) is None
-    assert watch.check(0.41).state is WatchState.NO_SCAN
+    assert watch.check(0.34) is None
+    assert watch.check(0.36).state is WatchState.NO_SCAN
     assert watch.go_blind(1.0).state is WatchState.BLIND
     assert (watch.factor, watch.valid_until) == (0.3, 6.0)
     assert watch.check(5.9) is None
     assert watch.check(6.1).state is WatchState.NO_SCAN
     watch.go_blind(7.0)
-    assert watch.on_scan(8.0, [(0.3, 0.0)]).state is WatchState.OBSTACLE
+    assert watch.decide(watch.look(8.0, [(0.3, 0.0)])).state is WatchState.OBSTACLE
 
 
 def test_scans_of_another_rate_are_taken_as_they_come():

@@ -19,6 +19,7 @@ from kachaka_simple_control.control.events import WatchState
 from kachaka_simple_control.control.obstacle_watch import ObstacleWatch
 from kachaka_simple_control.control.scan_watch import ScanWatch
 from kachaka_simple_control.control.speed_factor import SpeedFactor
+from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.errors import RobotNotFoundError
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.plan import plan
@@ -49,7 +50,8 @@ class Watched:
         """Return the steps before a drive."""
         self.watch.others = [self.other]
         self.moment = SimpleNamespace(now=self.now)
-        return self.watch.prepare(self.moment, '/scan', plan, lambda: None)
+        return self.watch.prepare(
+            self.moment, '/scan', plan, lambda: None, TickScheduler(plan))
 
     def begin(self, points=()):
         """Begin a drive with a scan."""
@@ -97,9 +99,9 @@ def test_all_robots_of_a_drive_are_held_and_go_on(watched):
 
 def test_a_thread_that_dies_holds_the_robots(watched):
     watched.begin()
-    watched.now = 0.39
+    watched.now = 0.34
     assert watched.factor.value == 1.0
-    watched.now = 0.41  # and nobody has called the watch
+    watched.now = 0.36  # and nobody has called the watch
     assert (watched.factor.value, watched.other.value) == (0.0, 0.0)
 
 

@@ -19,6 +19,7 @@ import os
 
 from kachaka_simple_control import Forward, InvalidMotionError, Motion, UsageError
 from kachaka_simple_control.errors import MotionRefusedError
+from kachaka_simple_control.motion.geometry import ORIGIN
 from kachaka_simple_control.process.processes import is_running
 from optional_libraries import optional_imports
 from program import children_of
@@ -61,6 +62,15 @@ def test_each_drives_its_motion_and_nothing_is_left(simulated):
     assert wait_until(lambda: not any(map(is_running, children)))
 
 
+def test_robots_have_the_floor_that_the_program_names(simulated, tmp_path):
+    """A wall is touched after 6 cm."""
+    floor = tmp_path / 'floor.yaml'
+    floor.write_text('walls: [[[0.3 m, -1 m], [0.3 m, 1 m]]]')
+    with simulated({'one': OUT}, floor=floor) as fleet:
+        fleet.run()
+        assert fleet.node.robots['one'].pose.x == pytest.approx(0.063, abs=0.002)
+
+
 def test_it_drives_in_a_thread_until_somebody_stops_it(simulated):
     fleet = simulated({'one': Motion('far', (Forward(3.0),))})
     assert fleet.start() == 'started'
@@ -81,3 +91,10 @@ def test_what_cannot_be_driven_makes_no_node(robots, kind, text):
     with pytest.raises(kind, match=text):
         Fleet(robots)
     assert not rclpy.ok()
+
+
+def test_what_the_laser_of_one_does_not_see_is_refused_before_a_robot_moves(simulated):
+    with simulated({'one': OUT, 'two': BACK}, {'watch': True}) as fleet:
+        with pytest.raises(InvalidMotionError, match='driven backwards, where the laser'):
+            fleet.run()
+        assert fleet.node.robots['one'].pose in (None, ORIGIN)
