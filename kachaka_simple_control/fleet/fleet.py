@@ -21,6 +21,7 @@ import os
 from typing import Any
 
 from kachaka_simple_control.control.drive_requests import DriveRequest
+from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.motion_file import MotionFile
 from kachaka_simple_control.fleet.fleet_plan import fleet_of, FleetPlan, plan_fleet
@@ -60,23 +61,28 @@ class Fleet(contextlib.AbstractContextManager['Fleet']):
 
         :param robots: a motion, its name or its file for each robot, by its ROS namespace; or the
             plan of a fleet's file
-        :param parameters: defaults of the parameters of each robot, as for
-            ``KachakaSimpleControl``
+        :param parameters: the parameters of each robot, as for ``KachakaSimpleControl``, but for
+            ``robot``, ``rate`` and ``closed_loop``, which its motion says
         :param sim: whether to start simulated robots, which are visible only on this machine
         :param floor: the name or the file of their floor; None for an empty floor
         :raises InvalidMotionError: if a robot cannot drive its motion
         :raises UsageError: if a name, a parameter or the floor is invalid
         """
         require_floor(floor, sim)
+        given = dict(parameters or {})
+        if wrong := {'robot', 'rate', 'closed_loop'}.intersection(given):
+            raise UsageError(
+                f'{", ".join(sorted(wrong))}: the motion of each robot says it, in its file')
         self.plan = robots if isinstance(robots, FleetPlan) else plan_fleet(fleet_of({
-            name: _motion_file(motion) for name, motion in robots.items()}))
+            name: _motion_file(motion) for name, motion in robots.items()}),
+            watch=given.get('watch'))
         self.round = 0
         self._parts = contextlib.ExitStack()
         with contextlib.ExitStack() as stack:
             if sim:
                 start_on_this_machine(self)
             self.node = DriveNode(NODE, {
-                robot.name: {**(parameters or {}), **robot.parameters}
+                robot.name: {**robot.parameters, **given}
                 for robot in self.plan.robots}, **node_options)
             self.logger: RcutilsLogger = self.node.get_logger()  # type: ignore[no-untyped-call]
             stack.callback(self.node.destroy_node)

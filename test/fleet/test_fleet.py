@@ -19,7 +19,6 @@ import os
 
 from kachaka_simple_control import Forward, InvalidMotionError, Motion, UsageError
 from kachaka_simple_control.errors import MotionRefusedError
-from kachaka_simple_control.motion.geometry import ORIGIN
 from kachaka_simple_control.process.processes import is_running
 from optional_libraries import optional_imports
 from program import children_of
@@ -40,8 +39,8 @@ def simulated():
     """Yield a function that makes a fleet of simulated robots."""
     fleets = []
 
-    def make(robots, **more):
-        fleets.append(Fleet(robots, {'prime_time': 0.2}, sim=True, **more))
+    def make(robots, parameters=None, **more):
+        fleets.append(Fleet(robots, {'prime_time': 0.2, **(parameters or {})}, sim=True, **more))
         return fleets[-1]
     yield make
     for fleet in fleets:
@@ -93,8 +92,22 @@ def test_what_cannot_be_driven_makes_no_node(robots, kind, text):
     assert not rclpy.ok()
 
 
-def test_what_the_laser_of_one_does_not_see_is_refused_before_a_robot_moves(simulated):
-    with simulated({'one': OUT, 'two': BACK}, {'watch': True}) as fleet:
-        with pytest.raises(InvalidMotionError, match='driven backwards, where the laser'):
-            fleet.run()
-        assert fleet.node.robots['one'].pose in (None, ORIGIN)
+@pytest.mark.parametrize('parameters, kind, text', [
+    ({'watch': True}, UsageError, 'driven backwards, where the laser'),
+    ({'rate': 20.0}, UsageError, 'rate: the motion of each robot says it'),
+])
+def test_what_no_robot_can_do_is_refused_before_one_moves(parameters, kind, text):
+    with pytest.raises(kind, match=text):
+        Fleet({'one': OUT, 'two': BACK}, parameters)
+    assert not rclpy.ok()
+
+
+def test_a_watch_holds_a_robot_of_a_fleet(simulated, tmp_path):
+    floor = tmp_path / 'floor.yaml'
+    floor.write_text('walls: [[[0.5 m, -1 m], [0.5 m, 1 m]]]')
+    with simulated({'one': Motion('far', (Forward(1.0),))}, {'watch': True},
+                   floor=floor) as fleet:
+        fleet.start()
+        robot = fleet.node.robots['one']
+        assert wait_until(lambda: robot.speed_factor.is_hold, 15.0)
+        assert fleet.node.commander.stop('enough')
