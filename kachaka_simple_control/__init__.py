@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from kachaka_simple_control.fleet.fleet import Fleet
     from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
     from kachaka_simple_control.motion.geometry import Pose, Velocity
+    from kachaka_simple_control.motion.include import Include
     from kachaka_simple_control.motion.limits import Limits
     from kachaka_simple_control.motion.plan import Plan, plan
     from kachaka_simple_control.motion.steps import (
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
     from kachaka_simple_control.motion.waypoints import Goto, Waypoints
 
 __all__ = [
-    'Arc', 'ControlError', 'Fleet', 'Forward', 'Goto', 'InvalidMotionError',
+    'Arc', 'ControlError', 'Fleet', 'Forward', 'Goto', 'Include', 'InvalidMotionError',
     'KachakaSimpleControl', 'Limits', 'Motion', 'MotionRefusedError', 'Move', 'Plan', 'Pose',
     'Repeat', 'RobotNotFoundError', 'RunFaultError', 'Settle', 'Step', 'Turn', 'UsageError',
     'Velocity', 'Wait', 'Waypoints', 'find', 'plan',
@@ -67,6 +68,7 @@ _NAMES = {
     'fleet.fleet': ('Fleet',),
     'kachaka_simple_control': ('KachakaSimpleControl',),
     'motion.geometry': ('Pose', 'Velocity'),
+    'motion.include': ('Include',),
     'motion.limits': ('Limits',),
     'motion.plan': ('Plan', 'plan'),
     'motion.steps': (

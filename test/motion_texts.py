@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 from kachaka_simple_control.files.document import MotionFileError
-from kachaka_simple_control.files.motion_file import loads
+from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
 from kachaka_simple_control.motion.waypoints import Goto, Waypoints
 

@@ -20,14 +20,14 @@ import re
 from typing import Any
 
 import kachaka_simple_control
-from kachaka_simple_control.files import floor_file, motion_file, protocol, robot_profile
+from kachaka_simple_control.files import floor_file, motion_schema, protocol, robot_profile
 from kachaka_simple_control.files.document import read_schema
 from kachaka_simple_control.motion.units import QUANTITIES
 
 
 def main() -> None:
     """Write the schema files of the package, which editors use."""
-    write(motion_file.SCHEMA, motion_file.motion_schema())
+    write(motion_schema.SCHEMA, motion_schema.motion_schema())
     write(robot_profile.SCHEMA, read_schema(robot_profile.SCHEMA))
     write(floor_file.SCHEMA, read_schema(floor_file.SCHEMA))
     write(protocol.SCHEMA, protocol.protocol_schema())
@@ -38,7 +38,8 @@ def with_quantity(schema: dict[str, Any]) -> dict[str, Any]:
     quantity = QUANTITIES.get(str(schema.get('quantity')))
     if quantity is None or 'properties' in schema:
         return schema
-    return {**schema, **motion_file.quantity_schema(quantity)}
+    return {**schema, **motion_schema.quantity_schema(
+        quantity, bool(schema.get('expressions')))}
 
 
 def write(path: str, schema: dict[str, Any]) -> None:

@@ -25,7 +25,7 @@ import time
 from benchmarks.console_matrix.raw_client import RawClient
 from benchmarks.console_matrix.stage import Stage
 from benchmarks.console_matrix.trial import Expectation, Trial
-from kachaka_simple_control.files.motion_file import loads
+from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.geometry import integrate, ORIGIN, Pose, relative_to, Velocity

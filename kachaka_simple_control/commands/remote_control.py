@@ -44,7 +44,8 @@ from kachaka_simple_control.errors import (
     MotionRunningError,
 )
 from kachaka_simple_control.files import protocol
-from kachaka_simple_control.files.motion_file import loads, MotionFile
+from kachaka_simple_control.files.motion_file import MotionFile
+from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.geometry import Velocity

@@ -28,7 +28,7 @@ from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.files.document import PACKAGE
 from kachaka_simple_control.files.library import LESSON, lesson_motion, library
 from kachaka_simple_control.files.messages import MAX_SIZE
-from kachaka_simple_control.files.motion_file import dump
+from kachaka_simple_control.files.motion_writer import dump
 from kachaka_simple_control.files.yaml_document import SUFFIX
 from kachaka_simple_control.text import quoted
 

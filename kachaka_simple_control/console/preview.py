@@ -30,7 +30,8 @@ from kachaka_simple_control.console.page_protocol import AskPreview, LineError, 
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.files.document import FileError, is_path
 from kachaka_simple_control.files.messages import from_json, to_json
-from kachaka_simple_control.files.motion_file import loads, MotionFile
+from kachaka_simple_control.files.motion_file import MotionFile
+from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.motion.paths import floor_area, sample_path
 from kachaka_simple_control.process.processes import (

@@ -26,7 +26,7 @@ from kachaka_simple_control.console.open_pages import OpenPages, Page
 from kachaka_simple_control.console.page_protocol import Recorded
 from kachaka_simple_control.console.page_work import in_thread
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.files.motion_file import dump
+from kachaka_simple_control.files.motion_writer import dump
 from kachaka_simple_control.files.protocol import Log
 from kachaka_simple_control.motion.steps import Motion, Move
 

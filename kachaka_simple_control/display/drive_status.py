@@ -394,7 +394,8 @@ class DriveTracker:
             self._motion_count if is_call else index + 1,
             self._movement_count() if is_call else len(self._plan.steps),
             MOVEMENT if is_call else STEP,
-            step.step.describe(), step.duration, max(0.0, step.end - max(elapsed, step.start)),
+            step.named(step.step.describe()), step.duration,
+            max(0.0, step.end - max(elapsed, step.start)),
             self._remaining(index, step.displacement, now))
 
     def _movement_count(self) -> int | None:

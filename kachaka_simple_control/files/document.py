@@ -22,22 +22,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 import json
 import os
+from pathlib import PurePath
 import re
-from typing import Any
+from typing import Any, TypeVar
 
 from kachaka_simple_control.errors import ControlError, InvalidMotionError
-from kachaka_simple_control.files.wording import step_advice
+from kachaka_simple_control.files.amounts import Amount, read_value
+from kachaka_simple_control.files.expressions import compute, compute_count, is_expression
+from kachaka_simple_control.files.schema_check import compile_schema
+from kachaka_simple_control.files.wording import did_you_mean, step_advice
 from kachaka_simple_control.motion.units import QUANTITIES, Quantity, UnitError
 from kachaka_simple_control.text import location, quoted
 
 #: The largest number of problems that an error message shows.
 MAX_LINES = 20
 #: After this many problems the rest of a file is not checked.
-MAX_PROBLEMS = 10_000
+MAX_PROBLEMS = 1000
 #: The longest file name that an error message shows in full [characters].
 MAX_NAME = 300
 #: The error message if PyYAML or jsonschema is not installed.
@@ -46,6 +50,7 @@ INSTALL = (
     'sudo apt install python3-yaml python3-jsonschema')
 PACKAGE = 'kachaka_simple_control'
 Schema = dict[str, Any]
+_Number = TypeVar('_Number', int, float)
 #: The path of a value in a file: the keys of mappings and the indices of lists that lead to it.
 KeyPath = Sequence[str | int]
 _PLAIN_KEY = re.compile(r'[\w-]{1,40}')
@@ -61,11 +66,15 @@ class Problem:
     :param line: the line number of the problem, counted from 1; None if no line is known
     :param path: the keys and list indices that lead to the wrong value, as in
         ``steps[2].turn.speed``; empty if the problem is not about a certain value
+    :param source: the file, if another one includes it; None for the file that was read
+    :param included_by: the places that include the file, the nearest first: file and line
     """
 
     text: str
     line: int | None = None
     path: str = ''
+    source: str | None = None
+    included_by: tuple[tuple[str, int | None], ...] = ()
 
     def __str__(self) -> str:
         """
@@ -77,6 +86,26 @@ class Problem:
         place = _STEP.sub(
             lambda found: f'{": " * (found[0][0] == ".")}step {int(found[1]) + 1}: ', self.path)
         return f'{place.removesuffix(": ")}: {self.text}' if place else self.text
+
+    def describe(self, source: str) -> str:
+        """
+        Return the problem with its place, as in ``square.yaml:7: step 3: turn: ...``.
+
+        :param source: the file that was read
+        """
+        places = ', '.join(location(_short(file), line) for file, line in self.included_by)
+        included = f' (included by {places})' if places else ''
+        return f'{location(_short(self.source or source), self.line)}: {self}{included}'
+
+    @property
+    def line_read(self) -> int | None:
+        """Return the line in the file that was read: that of its include, or of the problem."""
+        return self.included_by[-1][1] if self.included_by else self.line
+
+    def within(self, source: str, by: str, line: int | None) -> Problem:
+        """Return the problem of a file as one of the file that includes it."""
+        return replace(self, source=self.source or source,
+                       included_by=(*self.included_by, (by, line)))
 
 
 class UnreadableFileError(Exception):
@@ -105,7 +134,8 @@ class FileError(ControlError):
     def __init__(self, source: str, problems: Iterable[Problem]) -> None:
         self.source = source
         distinct = dict.fromkeys(problems)
-        self.problems = tuple(sorted(distinct, key=lambda problem: problem.line or 0))
+        self.problems = tuple(sorted(distinct, key=lambda problem: [
+            line or 0 for _, line in (*reversed(problem.included_by), ('', problem.line))]))
         self.begins_with_line = bool(self.problems) and self.problems[0].line is not None
         super().__init__(format_problems(source, self.problems))
 
@@ -137,12 +167,15 @@ def format_problems(source: str, problems: Sequence[Problem]) -> str:
 
     :param problems: the problems, in the order in which the message shows them
     """
-    is_short = source and source.isprintable() and len(source) <= MAX_NAME
-    name = source if is_short else quoted(source, MAX_NAME)
-    lines = [f'{location(name, problem.line)}: {problem}' for problem in problems[:MAX_LINES]]
+    lines = [problem.describe(source) for problem in problems[:MAX_LINES]]
     more = len(problems) - len(lines)
     many = 'many' if len(problems) >= MAX_PROBLEMS else more
-    return '\n'.join([*lines, *([f'{name}: and {many} more'] if more else [])])
+    return '\n'.join([*lines, *([f'{_short(source)}: and {many} more'] if more else [])])
+
+
+def _short(source: str) -> str:
+    is_short = source and source.isprintable() and len(source) <= MAX_NAME
+    return source if is_short else quoted(source, MAX_NAME)
 
 
 def is_path(name_or_path: str) -> bool:
@@ -153,6 +186,20 @@ def is_path(name_or_path: str) -> bool:
     that comes with the package.
     """
     return bool(set(name_or_path) & {'.', '/', os.sep})
+
+
+def beside(source: str, name_or_path: str) -> str:
+    """
+    Return a name, or a path that a file contains as it is seen by the program.
+
+    A relative path in a file starts at the folder of the file.
+
+    :param source: the path of the file
+    """
+    if not is_path(name_or_path) or PurePath(name_or_path).is_absolute():
+        return name_or_path
+    # Join as text: PurePath removes a leading ./, and without it the text is a name.
+    return f'{PurePath(source).parent}/{PurePath(name_or_path)}'
 
 
 def format_path(path: KeyPath) -> str:
@@ -218,10 +265,15 @@ class Document:
     The values of a file, and the problems found in the file.
 
     :param problems: the problems, in the order in which they were found
+    :param size: the number of values and keys
+    :ivar values: the parameters by which expressions are computed, by name, each None if it is
+        invalid; None if the file cannot have expressions
     """
 
     root: Node
     problems: list[Problem] = field(default_factory=list)
+    size: int = 0
+    values: Mapping[str, Amount | None] | None = None
 
     def check(self, schema: Schema) -> None:
         """
@@ -235,6 +287,8 @@ class Document:
             from jsonschema import Draft7Validator
         except ImportError:
             raise UnreadableFileError(Problem(INSTALL)) from None
+        if compile_schema(schema)(self.root.data):
+            return
         for error in Draft7Validator(schema).iter_errors(self.root.data):
             for part, message in _MESSAGES[error.validator](error):
                 self.add_problem(
@@ -252,8 +306,16 @@ class Document:
         nodes = self.root.along(path)
         if len(nodes) > len(path) and nodes[-1].is_bad:
             return
-        self.problems.append(Problem(text, nodes[-1].line, format_path(path)))
-        for node in nodes:
+        self.add_problems(path, [Problem(text, nodes[-1].line, format_path(path))])
+
+    def add_problems(self, path: KeyPath, problems: Iterable[Problem] = ()) -> None:
+        """
+        Add problems because of which a value is invalid; none if they are known already.
+
+        :raises UnreadableFileError: if the number of problems reaches MAX_PROBLEMS
+        """
+        self.problems += problems
+        for node in self.root.along(path):
             node.has_problem = True
         if len(self.problems) >= MAX_PROBLEMS:
             raise UnreadableFileError(*self.problems)
@@ -273,12 +335,36 @@ class Document:
 
         If the value is invalid, record a problem and return None.
         """
+        def read(text: str) -> float | None:
+            return quantity.parse(text) if self.values is None else compute(
+                text, quantity, self.values)
+        return self._read(path, read, float)
+
+    def read_count(self, path: KeyPath, largest: int) -> int | None:
+        """
+        Read a whole number from 0 to a largest value, or an expression that results in one.
+
+        If the value is invalid, record a problem and return None.
+        """
+        def read(text: str) -> int | None:
+            count = compute_count(text, self.values)
+            if count is not None and not 0 <= count <= largest:
+                raise UnitError(f'{quoted(text)} is {count}; it must be from 0 to {largest}')
+            return count
+        return self._read(path, read, int)
+
+    def _read(
+            self, path: KeyPath, read: Callable[[str], _Number | None],
+            convert: Callable[[Any], _Number]) -> _Number | None:
         value = self.root.at(path).data
         try:
-            return quantity.parse(value) if isinstance(value, str) else float(value)
+            number = read(value) if isinstance(value, str) else convert(value)
         except UnitError as error:
             self.add_problem(path, str(error))
             return None
+        if number is None:
+            self.add_problems(path)  # that of the parameter
+        return number
 
     def read_quantities(
             self, path: KeyPath, quantities: Mapping[str, Quantity]) -> dict[str, float]:
@@ -306,30 +392,6 @@ def read_schema(path: str) -> Schema:
     return schema
 
 
-def nearest(word: str, known: Mapping[str, Any] | list[str]) -> str | None:
-    """Return the known word that is most similar to a given word; None if none is similar."""
-    import difflib
-    close = difflib.get_close_matches(word.lower(), list(known), n=1)
-    return close[0] if close else None
-
-
-def did_you_mean(word: str, known: Mapping[str, Any] | list[str]) -> str:
-    """
-    Return advice for a user who wrote an unknown word, as in ``did you mean 'turn'?``.
-
-    If no known word is similar, the advice lists all known words.
-
-    :param word: the unknown word
-    :param known: a list of the known words, or a mapping from each known word to its JSON Schema.
-        If the schema of a known word lists the unknown word under ``synonyms``, this known word
-        is suggested
-    """
-    parts = known if isinstance(known, Mapping) else {}
-    near = next((name for name, part in parts.items()
-                 if word.lower() in part.get('synonyms', [])), nearest(word, known))
-    return f'did you mean {near!r}?' if near else f'known are {", ".join(known)}'
-
-
 #: Pairs of a key and a message about its value; the key is None if the message is about the whole
 #: value that was checked.
 _Messages = Iterator[tuple[str | None, str]]
@@ -341,12 +403,25 @@ def _wrong(error: Any) -> _Messages:
     text = f'{_shown(value)}; it must be {_expected(error.schema)}'
     if quantity and quantity.needs_unit and is_number:
         text = quantity.without_unit(value)
-    elif quantity and isinstance(value, str):
+    elif isinstance(value, str):
         try:
-            quantity.parse(value)
+            _read_as(error.schema, value)
         except UnitError as reason:
             text = str(reason)
     yield None, text
+
+
+def _read_as(schema: Schema, text: str) -> None:
+    """Raise a UnitError that says more about a text than its schema."""
+    quantity = QUANTITIES.get(schema.get('quantity', ''))
+    if quantity and schema.get('expressions'):
+        compute(text, quantity, None)
+    elif quantity:
+        quantity.parse(text)
+    elif schema.get('expressions') and is_expression(text):
+        compute_count(text, None)
+    elif schema.get('amount'):
+        read_value(text)
 
 
 def _enum(error: Any) -> _Messages:

@@ -27,9 +27,9 @@ import re
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.document import (
+    beside,
     Document,
     FileError,
-    is_path,
     KeyPath,
     Node,
     parse_path,
@@ -228,12 +228,4 @@ def _read_simulation(document: Document, path: KeyPath) -> dict[str, float]:
 def _add_errors(document: Document, path: KeyPath, error: FileError) -> None:
     """Report each problem of another file at the line that names the file."""
     for problem in error.problems:
-        document.add_problem(path, f'{location(error.source, problem.line)}: {problem}')
-
-
-def beside(source: str, name_or_path: str) -> str:
-    """Return a name, or a path in a file as it is from the folder of the program."""
-    if not is_path(name_or_path) or PurePath(name_or_path).is_absolute():
-        return name_or_path
-    # Join as text: PurePath removes a leading ./, and without it the text is a name.
-    return f'{PurePath(source).parent}/{PurePath(name_or_path)}'
+        document.add_problem(path, problem.describe(error.source))

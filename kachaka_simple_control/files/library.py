@@ -26,8 +26,10 @@ import inspect
 import os
 
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.files.document import MotionFileError, Node
-from kachaka_simple_control.files.motion_file import loads, MotionFile
+from kachaka_simple_control.files.document import MotionFileError, Node, Problem
+from kachaka_simple_control.files.motion_file import MotionFile
+from kachaka_simple_control.files.motion_reader import loads
+from kachaka_simple_control.files.parameters import Given
 from kachaka_simple_control.files.yaml_document import look_up, names_in
 from kachaka_simple_control.motion.steps import Motion, Move
 
@@ -37,20 +39,24 @@ def library() -> list[str]:
     return sorted([*names_in('motions'), LESSON])
 
 
-def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
+def find(name_or_path: str | os.PathLike[str], /, **values: Given) -> MotionFile:
     """
-    Read a motion by its name or by the path of its file.
+    Read a motion by its name or by the path of its file, as in ``find('square', side='1 m')``.
 
     Only the motions that come with the package have a name.
 
     :param name_or_path: a text without dots and slashes is a name; any other value is a path
-    :raises MotionFileError: if there is no such motion, or the file cannot be read
+    :param values: the values of its parameters, as text or in SI units
+    :raises MotionFileError: if there is no such motion, the file cannot be read, or a value is
+        wrong
     """
     if name_or_path == LESSON:
+        if values:
+            raise MotionFileError(LESSON, [Problem('the lesson has no parameters')])
         return _read_lesson()
     with MotionFileError.naming(os.fspath(name_or_path)):
         source, text = look_up(name_or_path, 'motions', library())
-    return loads(text, source)
+    return loads(text, source, values)
 
 
 LESSON = 'lesson'

@@ -31,7 +31,6 @@ from typing import Any
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
 from kachaka_simple_control.files.document import (
-    did_you_mean,
     Document,
     FileError,
     is_path,
@@ -40,6 +39,7 @@ from kachaka_simple_control.files.document import (
     read_schema,
     UnreadableFileError,
 )
+from kachaka_simple_control.files.wording import did_you_mean
 from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.motion.geometry import Box, Disc, Footprint, Pose, Velocity
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits

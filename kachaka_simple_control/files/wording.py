@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 import re
 from typing import Any
 
@@ -58,3 +58,27 @@ def wide_lines(text: str) -> Iterator[tuple[int, str]]:
         if (_WIDE_STRUCTURE.search(code) and plain.replace('°', '').isascii()
                 and not plain.startswith(('name: ', 'description: '))):
             yield number, plain
+
+
+def nearest(word: str, known: Mapping[str, Any] | list[str]) -> str | None:
+    """Return the known word that is most similar to a given word; None if none is similar."""
+    import difflib
+    close = difflib.get_close_matches(word.lower(), list(known), n=1)
+    return close[0] if close else None
+
+
+def did_you_mean(word: str, known: Mapping[str, Any] | list[str]) -> str:
+    """
+    Return advice for a user who wrote an unknown word, as in ``did you mean 'turn'?``.
+
+    If no known word is similar, the advice lists all known words.
+
+    :param word: the unknown word
+    :param known: a list of the known words, or a mapping from each known word to its JSON Schema.
+        If the schema of a known word lists the unknown word under ``synonyms``, this known word
+        is suggested
+    """
+    parts = known if isinstance(known, Mapping) else {}
+    near = next((name for name, part in parts.items()
+                 if word.lower() in part.get('synonyms', [])), nearest(word, known))
+    return f'did you mean {near!r}?' if near else f'known are {", ".join(known)}'

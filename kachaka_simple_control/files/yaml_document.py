@@ -35,14 +35,13 @@ from kachaka_simple_control.files.document import (
     INSTALL,
     is_path,
     MAX_PROBLEMS,
-    nearest,
     Node,
     PACKAGE,
     Problem,
     Schema,
     UnreadableFileError,
 )
-from kachaka_simple_control.files.wording import wide_lines
+from kachaka_simple_control.files.wording import nearest, wide_lines
 from kachaka_simple_control.motion.units import DIGITS, point_advice
 from kachaka_simple_control.text import quoted
 
@@ -339,7 +338,7 @@ class _YamlReader:
             root = Node(1, {})
         if root is None or (root.data is None and not self.problems):
             raise UnreadableFileError(Problem('the file is empty'))
-        return Document(root, self.problems)
+        return Document(root, self.problems, self._count)
 
     def _value(self, event: Any) -> Node:
         """Read a value and all values nested in it, and return the value."""

@@ -48,7 +48,6 @@ from kachaka_simple_control.motion.geometry import compose, distance_between, OR
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.motion.time_scale import require_factor
 from kachaka_simple_control.ros.node_parameters import NodeParameters
-from kachaka_simple_control.text import location
 
 #: What to do about a near pass.
 ADVICE = 'let one of them start elsewhere, take a smaller margin, or pass --allow-near'
@@ -233,14 +232,13 @@ def _order(
         order = motion_file.order(profile, rate, closed_loop, speed, watch)
         order.plan  # noqa: B018
     except FileError as error:
-        return [f'{location(error.source, problem.line)}: {problem}'
-                for problem in error.problems]
+        return [problem.describe(error.source) for problem in error.problems]
     except InvalidMotionError as error:
         # From here on it is not the motion as written: a long one may be too long for this speed.
         problem, = motion_file.error_at(
             error.path or '', error.message if error.path else str(error)).problems
         slow = '' if speed == 1.0 else f', at {100.0 * speed:g} % of its speed'
-        return [f'{location(motion_file.source, problem.line)}: {problem}{slow}']
+        return [problem.describe(motion_file.source) + slow]
     except UsageError as error:
         return [f'{motion_file.where(key)}: {key}: {error}']
     return order

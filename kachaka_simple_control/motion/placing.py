@@ -21,7 +21,7 @@ Tested by test/motion/test_waypoints.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import NamedTuple
@@ -39,6 +39,7 @@ class Leaf:
     :param path: its place, as in ``steps[2].goto.forward``
     :param place: the place of its fields, as in ``steps[2].goto.forward.``
     :param corners: its tolerance of corners [m]
+    :param included: the name of the motion that includes it; empty if none does
     """
 
     path: str
@@ -46,6 +47,7 @@ class Leaf:
     place: str
     speed_place: str
     corners: float
+    included: str = ''
 
 
 class Block(NamedTuple):
@@ -63,10 +65,18 @@ def depends_on_pose(step: Step) -> bool:
     """
     Return whether the path of a step depends on the pose at its start.
 
-    :param step: the step; a block depends on it if a step in it does
+    :param step: the step; a block without a frame of its own depends on it if a step in it does
     """
     block = step.block()
-    return step.is_placed if block is None else any(map(depends_on_pose, block[1]))
+    if block is None:
+        return step.is_placed
+    return not step.has_frame and any(map(depends_on_pose, block[1]))
+
+
+def has_placed_steps(step: Step) -> bool:
+    """Return whether a step, or one in its block, depends on the pose at its start."""
+    block = step.block()
+    return step.is_placed if block is None else any(map(has_placed_steps, block[1]))
 
 
 class Placer:
@@ -83,6 +93,7 @@ class Placer:
             refuse: Callable[[str, InvalidMotionError], None]) -> None:
         self._corners, self._visit, self._refuse = corners, visit, refuse
         self._pose = ORIGIN
+        self._included = ''
 
     def parts(self, steps: Sequence[Step], prefix: str) -> list[Leaf | Block]:
         """
@@ -96,6 +107,8 @@ class Placer:
             place = f'{path}.{step.keyword}.'
             if (block := step.block()) is None:
                 found += self._leaves(step, path, place)
+            elif step.has_frame:
+                found.append(self._framed(step, block[1], place))
             elif depends_on_pose(step):
                 found += self._unrolled(*block, place)
             else:
@@ -104,7 +117,8 @@ class Placer:
 
     def _leaves(self, step: Step, path: str, place: str) -> list[Leaf]:
         if not step.is_placed:
-            leaves = [Leaf(path, step, place, f'{place}speed', self._corners)]
+            leaves = [Leaf(path, step, place, f'{place}speed', self._corners,
+                           self._included)]
             for segment in step.path():
                 self._pose = advance(self._pose, segment.length, segment.angle)
         else:
@@ -112,10 +126,19 @@ class Placer:
                 self._pose, lambda name, error: self._refuse(place + name, error))
             corners = self._corners if step.corners is None else step.corners
             leaves = [Leaf(place + part.name, part.step, f'{place}{part.name}.', f'{place}speed',
-                           corners) for part in parts]
+                           corners, self._included) for part in parts]
         for leaf in leaves:
             self._visit(leaf)
         return leaves
+
+    def _framed(self, step: Step, steps: Sequence[Step], place: str) -> Block:
+        outside = self._corners, self._included
+        self._included = step.name or ''
+        if step.corners is not None:
+            self._corners = step.corners
+        block = self._repeated(1, steps, place)
+        self._corners, self._included = outside
+        return block
 
     def _repeated(self, times: int, steps: Sequence[Step], place: str) -> Block:
         start, self._pose = self._pose, ORIGIN
@@ -137,6 +160,16 @@ class Placer:
                 return [*chain.from_iterable(passes), again, *chain.from_iterable(cycle[:rest])]
             passes.append(self.parts(steps, place))
         return [*chain.from_iterable(passes)]
+
+
+def leaves(parts: Sequence[Leaf | Block]) -> Iterator[Leaf]:
+    """Yield the steps of some parts in driving order, with each repetition."""
+    for part in parts:
+        if isinstance(part, Leaf):
+            yield part
+        else:
+            for _ in range(part.times):
+                yield from leaves(part.parts)
 
 
 def _power(pose: Pose, times: int) -> Pose:

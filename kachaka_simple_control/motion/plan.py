@@ -27,7 +27,7 @@ from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.flow import Cut, find_flows, FlowPart, plan_flow
 from kachaka_simple_control.motion.geometry import Displacement, integrate, ORIGIN, Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.placing import Block, depends_on_pose, Leaf, Placer
+from kachaka_simple_control.motion.placing import Block, has_placed_steps, Leaf, Placer
 from kachaka_simple_control.motion.step_base import MAX_DURATION, Step
 from kachaka_simple_control.motion.steps import Motion
 from kachaka_simple_control.motion.trajectory import ProfiledPath, Trajectory
@@ -63,6 +63,7 @@ class PlannedStep:
     :param trajectories: in driving order
     :param cut: for a turn that became a corner, how much of the corner is cut; None otherwise
     :param joins_next: whether the robot goes on into the next step without a stop
+    :param included: the name of the motion that includes it; empty if none does
     """
 
     path: str
@@ -76,11 +77,16 @@ class PlannedStep:
     trajectories: Sequence[Trajectory] = ()
     cut: Cut | None = None
     joins_next: bool = False
+    included: str = ''
 
     @property
     def duration(self) -> float:
         """Return the planned duration of the step [s]."""
         return self.end - self.start
+
+    def named(self, text: str) -> str:
+        """Return a text about the step, after the name of the motion that includes it."""
+        return f'{self.included}: {text}' if self.included else text
 
     @property
     def displacement(self) -> Displacement:
@@ -214,6 +220,7 @@ class _Item:
     step: Step
     trajectories: Sequence[Trajectory]
     corners: float = 0.0
+    included: str = ''
     cut: Cut | None = None
     joins_next: bool = False
 
@@ -246,20 +253,25 @@ def _apply_limits(motion: Motion, limits: Limits) -> tuple[_Block, list[InvalidM
     """Return the steps of a motion with their trajectories, and all errors, each once."""
     errors: list[InvalidMotionError] = []
 
-    def part(step: Step, path: str) -> _Item | _Block:
+    def part(step: Step, path: str, corners: float, included: str) -> _Item | _Block:
         place = f'{path}.{step.keyword}.'
         if (block := step.block()) is not None:
-            return _Block(block[0], parts(block[1], place))
+            return _Block(block[0], parts(
+                block[1], place, corners if step.corners is None else step.corners,
+                included if step.name is None else step.name))
         return _Item(path, step, step.trajectories(
-            limits, lambda name, error: errors.append(error.at(place + name))), motion.corners)
+            limits, lambda name, error: errors.append(error.at(place + name))), corners, included)
 
-    def parts(steps: Sequence[Step], prefix: str) -> list[_Item | _Block]:
-        return [part(step, f'{prefix}steps[{index}]') for index, step in enumerate(steps)]
+    def parts(
+            steps: Sequence[Step], prefix: str, corners: float,
+            included: str) -> list[_Item | _Block]:
+        return [part(step, f'{prefix}steps[{index}]', corners, included)
+                for index, step in enumerate(steps)]
 
-    if any(map(depends_on_pose, motion.steps)):
+    if any(map(has_placed_steps, motion.steps)):
         whole = _place(motion, limits, errors)
     else:
-        whole = _Block(1, parts(motion.steps, ''))
+        whole = _Block(1, parts(motion.steps, '', motion.corners, ''))
     count = whole.total(lambda _: 1)
     if count > MAX_STEPS:
         errors.append(InvalidMotionError(
@@ -291,7 +303,7 @@ def _place(motion: Motion, limits: Limits, errors: list[InvalidMotionError]) -> 
             known[leaf] = _Item(leaf.path, leaf.step, leaf.step.trajectories(
                 limits, lambda name, error: refuse(
                     leaf.speed_place if name == 'speed' else leaf.place + name, error)),
-                leaf.corners)
+                leaf.corners, leaf.included)
         count, duration = count + 1, duration + known[leaf].duration
         # Ends a repeat whose passes all differ, before it needs much time and memory.
         if count > MAX_STEPS or duration > MAX_DURATION:
@@ -360,7 +372,7 @@ def _planned(items: Sequence[_Item], rate: float) -> Plan:
         steps.append(PlannedStep(
             item.path, item.step, start, time, pose, length,
             sent.max_linear if has_segments else 0.0, sent.max_angular if has_segments else 0.0,
-            item.trajectories, item.cut, item.joins_next))
+            item.trajectories, item.cut, item.joins_next, item.included))
     return Plan(tuple(segments), 1.0 / rate, tuple(steps))
 
 

@@ -22,6 +22,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, MISSING
+from functools import cache
 import math
 from typing import Any, ClassVar, NamedTuple
 
@@ -59,6 +60,10 @@ class Count:
 class StepList:
     """The type of a field of a step: a list of other steps."""
 
+    def require(self, _name: str, value: object) -> None:
+        """Check that a value is a sequence of steps."""
+        step_tuple(value)
+
 
 @dataclass(frozen=True)
 class PointField:
@@ -76,6 +81,16 @@ class PointList:
     def require(self, name: str, value: object) -> None:
         """Check that a value is a list of at least one point."""
         as_points(name, value)
+
+
+@dataclass(frozen=True)
+class Text:
+    """The type of a field of a step: a text."""
+
+    def require(self, name: str, value: object) -> None:
+        """Check that a value is text."""
+        if not isinstance(value, str):
+            raise InvalidMotionError(f'{value!r}; it must be text', name=name)
 
 
 def as_point(name: str, value: object) -> Point:
@@ -107,7 +122,7 @@ def as_points(name: str, value: object) -> tuple[Point, ...]:
 
 
 #: The types of a step's fields.
-FieldKind = Quantity | Count | StepList | PointField | PointList
+FieldKind = Quantity | Count | StepList | PointField | PointList | Text
 
 
 class FileField(NamedTuple):
@@ -161,9 +176,15 @@ class Step(ABC):
 
     :cvar settles: whether this is a settle
 
+    :cvar has_frame: whether points and headings in its block are seen from where it begins
+
+    :cvar nesting: how deeply repeats, and how deeply includes, are nested, with this step; a block
+        has its own
+
     :ivar speed: the largest velocity along the path [m/s, or rad/s for a turn in place]; None: as
         fast as the limits allow
     :ivar corners: how far the robot may pass corners inside the step [m]; None: as the motion says
+    :ivar name: the name of the motion that the step includes; None if it has none
     """
 
     keyword: ClassVar[str]
@@ -171,8 +192,11 @@ class Step(ABC):
     synonyms: ClassVar[tuple[str, ...]] = ()
     is_placed: ClassVar[bool] = False
     settles: ClassVar[bool] = False
+    has_frame: ClassVar[bool] = False
+    nesting: ClassVar[tuple[int, int]] = (0, 0)
     speed: float | None = None
     corners: float | None = None
+    name: str | None = None
 
     def __init_subclass__(cls) -> None:
         """Register a new kind of step, with its keyword."""
@@ -233,6 +257,7 @@ class Step(ABC):
         return all(segment.is_rest for segment in self.path())
 
     @classmethod
+    @cache
     def file_fields(cls) -> dict[str, FileField]:
         """Return how each field of the step is written in a file, in their order."""
         return {item.name: item.metadata['file'] for item in fields(cls)}  # type: ignore[arg-type]
@@ -300,6 +325,14 @@ class Step(ABC):
         refuse(self._extent(), InvalidMotionError(
             f'{duration} s is too long; a motion may take {MAX_DURATION:.10g} s at most'))
         return []
+
+
+def nesting_of(steps: Iterable[Step]) -> tuple[int, int]:
+    """Return how deeply repeats, and how deeply includes, are nested in some steps."""
+    # Each block keeps its own, because a step may be in many blocks.
+    pairs = [step.nesting for step in steps]
+    return (max((repeats for repeats, _ in pairs), default=0),
+            max((includes for _, includes in pairs), default=0))
 
 
 def step_tuple(steps: object) -> tuple[Step, ...]:

@@ -28,6 +28,7 @@ from kachaka_simple_control.motion.path_segment import PathSegment
 from kachaka_simple_control.motion.step_base import (
     Count,
     in_file,
+    nesting_of,
     Refuse,
     Step,
     step_tuple,
@@ -40,8 +41,8 @@ __all__ = [
     'MAX_NESTING', 'MAX_TIMES', 'Arc', 'Forward', 'Motion', 'Move', 'Repeat', 'Settle', 'Step',
     'Turn', 'Wait']
 
-#: The largest nesting depth of repeats.
-MAX_NESTING = 20
+#: The largest nesting depths of repeats, and of includes.
+MAX_NESTING, MAX_INCLUDES = 20, 20
 #: The largest number of repetitions of a block.
 MAX_TIMES = 1_000_000
 TIMES = Count(MAX_TIMES)
@@ -270,9 +271,11 @@ class Repeat(Step):
         """Check the number and the steps, and how deeply repeats are nested."""
         TIMES.require('times', self.times)
         object.__setattr__(self, 'steps', step_tuple(self.steps))
-        if _nesting(self) > MAX_NESTING:
+        repeats, includes = nesting_of(self.steps)
+        object.__setattr__(self, 'nesting', (repeats + 1, includes))
+        if repeats + 1 > MAX_NESTING:
             raise InvalidMotionError(
-                f'steps has repeats {_nesting(self)} deep; at most {MAX_NESTING} may be nested')
+                f'steps has repeats {repeats + 1} deep; at most {MAX_NESTING} may be nested')
 
     def path(self) -> tuple[PathSegment, ...]:
         """Return the path segments of the steps in driving order, with each repetition."""
@@ -353,8 +356,3 @@ def _motion(
         name: str, steps: Iterable[Step], description: str = '',
         corners: float = 0.0) -> dict[str, Any]:
     return {'name': name, 'steps': steps, 'description': description, 'corners': corners}
-
-
-def _nesting(step: Step) -> int:
-    block = step.block()
-    return 0 if block is None else 1 + max(map(_nesting, block[1]), default=0)

@@ -121,7 +121,7 @@ class Quantity:
             raise UnitError(f'{quoted(text)}; {self._hint(text)}')
         numerator, denominator = self.units[unit]
         value = float(match['number']) * numerator / denominator
-        self._check(value, text)
+        self.check(value, text)
         return value
 
     def without_unit(self, number: object) -> str:
@@ -149,7 +149,12 @@ class Quantity:
             raise InvalidMotionError(
                 f'{value} {self.unit}; it must be at most {self.largest:g} {self.unit}', name=name)
 
-    def _check(self, value: float, text: str) -> None:
+    def check(self, value: float, text: str) -> None:
+        """
+        Check a value [SI unit] that was written in some way.
+
+        :raises UnitError: if the value is not allowed
+        """
         if not math.isfinite(value):
             raise UnitError(f'{quoted(text)} is too large a number')
         if text.startswith('-') and self.sign is not SignRule.ANY:

@@ -235,7 +235,7 @@ def _step_tables(summary: Summary) -> tuple[list[StepRow], list[StepRow]]:
     # The labels count the repeats in the whole plan, even if the motion ended early.
     repeats = [label for motion in summary.log.motions if motion.has_begun
                for label, step in zip(
-                   repeat_labels([step.path for step in motion.plan.steps]), motion.steps)
+                   repeat_labels(motion.plan.steps), motion.steps)
                if step.sent]
 
     def row(entry: int | Gap) -> StepRow:

@@ -247,7 +247,8 @@ def _step(number: int, result: StepResult, start_time: float) -> Fields:
     log = result.log
     return {
         'number': number, 'motion': result.motion, 'path': log.planned.path,
-        'step': log.step.describe_fully(), 'start_s': log.began - start_time,
+        'step': log.step.describe_fully(), 'included': log.planned.included or None,
+        'start_s': log.began - start_time,
         'duration_s': log.planned.duration, 'is_whole': log.is_complete,
         'messages': max(0, len(log.sent) - 1),
         **({'plan_start_s': log.planned.start, 'driven_s': log.driven_duration}

@@ -172,19 +172,21 @@ def fold(keys: Sequence[Hashable], most: int) -> list[int | Gap]:
     return entries
 
 
-def repeat_labels(keys: Sequence[Hashable]) -> list[str]:
+def repeat_labels(steps: Sequence[PlannedStep], with_names: bool = True) -> list[str]:
     """
-    Return labels that number the repetitions of each step, for example '1 of 4'.
+    Return labels with what includes each step, and the number of its repetition.
 
-    :param keys: a key for each step; repetitions of the same step have equal keys
-    :returns: a label for each step; empty for a step that is not repeated
+    :param with_names: whether with the names of included motions
+    :returns: a label for each step, as in ``square 1 of 4``; empty for one that is not repeated
     """
-    times = Counter(keys)
-    so_far: Counter[Hashable] = Counter()
+    times = Counter(step.path for step in steps)
+    so_far: Counter[str] = Counter()
     labels = []
-    for key in keys:
-        so_far[key] += 1
-        labels.append(f'{so_far[key]} of {times[key]}' if times[key] > 1 else '')
+    for step in steps:
+        so_far[step.path] += 1
+        number, count = so_far[step.path], times[step.path]
+        name = one_line(step.included, MAX_INCLUDED_WIDTH) if with_names else ''
+        labels.append(f'{name} {number} of {count}'.lstrip() if count > 1 else name)
     return labels
 
 
@@ -212,8 +214,8 @@ MAX_STEPS = 40
 MIN_STEPS = 8
 #: The number of lines besides the rows: of a table of steps, and of a table that compares motions.
 FRAME, CAPTION = 6, 7
-#: The largest width of a name [columns].
-MAX_NAME_WIDTH = 36
+#: The largest width of a name, and of the names of included motions [columns].
+MAX_NAME_WIDTH, MAX_INCLUDED_WIDTH = 36, 20
 #: Times of this value or more are shown in tenths of a second [s].
 TENTHS_FROM = 1000.0
 
@@ -222,6 +224,8 @@ FIGURES = (
     Column('takes', '[s]'), Column('length', '[m]', 6), Column('x', '[m]'), Column('y', '[m]'),
     Column('heading', '[deg]', 8), Column('linear', '[m/s]', 5), Column('angular', '[rad/s]', 4))
 STEPS = (Column(''), Column('step'), Column('', spare=1), Column('start', '[s]', 2), *FIGURES)
+#: The cells of a row without figures.
+NO_FIGURES = ('',) * (len(STEPS) - 2)
 MOTIONS = (Column('motion'), Column('robot'), Column('rate', '[Hz]', 9), Column('steps', spare=7),
            *FIGURES, Column('sent', spare=3))
 #: The limits below a table: the title of each line, and the unit and meaning of each limit.
@@ -285,21 +289,32 @@ def _wrapped(lines: Sequence[str], widest: int) -> list[str]:
 
 def _steps(view: PlanView, most: int, widest: int, with_total: bool) -> list[str]:
     steps = view.plan.steps
-    paths = [step.path for step in steps]
     entries = fold([repetition_key(step) for step in steps], most)
-    repeats = repeat_labels(paths)
-    rows = [(str(entry + 1), steps[entry].step.describe(), repeats[entry],
-             _time(steps[entry].start), *_figures(steps[entry]))
-            for entry in entries if isinstance(entry, int)]
+    repeats = repeat_labels(steps, with_names=False)
+    rows: list[Row] = []
+    gaps: list[tuple[int, Gap]] = []
+    included = ''
+    for entry in entries:
+        if isinstance(entry, Gap):
+            gaps.append((len(rows) + len(gaps), entry))
+            continue
+        step = steps[entry]
+        # What includes the step is told above the first of its rows.
+        within = step.path.rpartition('.include.')[0]
+        if within != included and step.included:
+            rows.append(('', f'{one_line(step.included, MAX_INCLUDED_WIDTH)}:', *NO_FIGURES))
+        included = within
+        rows.append((
+            str(entry + 1), f'{"  " * bool(step.included)}{step.step.describe()}',
+            repeats[entry], _time(step.start), *_figures(step)))
     if with_total:
         rows.append(('', pluralize(len(steps), 'step'), '', '', *_figures(view.plan)))
     lines = columns(STEPS, rows, widest, totals=int(with_total))
-    for place, entry in enumerate(entries):
-        if isinstance(entry, Gap):
-            start, end = _time(steps[entry.before].end), _time(steps[entry.after].start)
-            line = f'... {entry.describe(start, end)} ...'
-            # Three lines are above the rows: names, units and a horizontal line.
-            lines.insert(3 + place, line if len(line) <= widest else f'... {entry.size} ...')
+    for place, gap in gaps:
+        start, end = _time(steps[gap.before].end), _time(steps[gap.after].start)
+        line = f'... {gap.describe(start, end)} ...'
+        # Three lines are above the rows: names, units and a horizontal line.
+        lines.insert(3 + place, line if len(line) <= widest else f'... {gap.size} ...')
     title = (f'{one_line(view.name, MAX_NAME_WIDTH)} on {one_line(view.robot, MAX_NAME_WIDTH)} '
              f'at {format_number(view.rate)} Hz')
     return [one_line(title, widest), '', *lines]
@@ -458,7 +473,8 @@ def _holds(log: DriveLog, widest: int) -> list[str]:
 
 def _drive_rows(result: StepResult) -> list[Row]:
     """Return the row of a step, and after the last step of a flow the row of the whole flow."""
-    rows = [_drive_row(result.log.step.describe_fully(), result, result.is_in_flow)]
+    rows = [_drive_row(
+        result.log.planned.named(result.log.step.describe_fully()), result, result.is_in_flow)]
     if result.flow is not None:
         rows.append(_drive_row(describe_flow(result.flow), result.flow))
     return rows

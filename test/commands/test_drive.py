@@ -70,7 +70,7 @@ def assert_lines_of_the_end_came_once(text):
 
 def test_a_motion_ends_where_its_plan_says(tmp_path):
     """The bounds are wide, for a busy machine; docs/motions.md has what a quiet one does."""
-    from kachaka_simple_control.files.motion_file import loads
+    from kachaka_simple_control.files.motion_reader import loads
     file = tmp_path / 'short.yaml'
     file.write_text(SHORT)
     planned = plan(loads(SHORT, 'short.yaml').motion, KACHAKA.limits, 20.0)

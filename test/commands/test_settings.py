@@ -27,7 +27,7 @@ from kachaka_simple_control.commands.settings import (
 )
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.document import MotionFileError
-from kachaka_simple_control.files.motion_file import loads
+from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.ros.node_parameters import require_parameters_only
 import pytest
 

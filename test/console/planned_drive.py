@@ -23,7 +23,7 @@ import argparse
 from functools import partial
 import sys
 
-from kachaka_simple_control.files.motion_file import loads
+from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.geometry import integrate, ORIGIN, Velocity

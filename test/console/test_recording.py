@@ -25,7 +25,7 @@ from kachaka_simple_control.console.folder import MAX_TEXT
 from kachaka_simple_control.console.open_pages import OpenPages
 from kachaka_simple_control.console.page_protocol import Recorded
 from kachaka_simple_control.console.recording import Recorder, Recording
-from kachaka_simple_control.files.motion_file import loads
+from kachaka_simple_control.files.motion_reader import loads
 import pytest
 
 pytestmark = pytest.mark.needs('yaml', 'jsonschema')

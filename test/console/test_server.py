@@ -29,7 +29,7 @@ from kachaka_simple_control.console.page_protocol import (
     RunMotion,
     Start,
 )
-from kachaka_simple_control.files.motion_file import loads
+from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.files.protocol import Pause, Release, Resume, Speed, Take
 import pytest
 from waiting import wait_until

@@ -18,7 +18,7 @@ from __future__ import annotations
 from golden import answers, compare
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.document import MotionFileError
-from kachaka_simple_control.files.motion_file import loads
+from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.motion.steps import MAX_NESTING
 from motion_texts import refusal, step_refusal
 import pytest

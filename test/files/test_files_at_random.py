@@ -21,7 +21,7 @@ import json
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.files.document import MotionFileError
-from kachaka_simple_control.files.motion_file import load, loads
+from kachaka_simple_control.files.motion_reader import load, loads
 from kachaka_simple_control.files.robot_profile import find_robot, RobotFileError
 from kachaka_simple_control.motion.limits import Limits
 from motion_texts import EVERYTHING

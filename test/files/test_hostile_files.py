@@ -19,7 +19,7 @@ import os
 import time
 
 from kachaka_simple_control.files.document import MotionFileError
-from kachaka_simple_control.files.motion_file import load
+from kachaka_simple_control.files.motion_reader import load
 from motion_texts import refusal
 from optional_libraries import MISSING, optional_imports
 import pytest
@@ -56,6 +56,20 @@ HOSTILE = {
     'documents': '---\n' * 250_000,
     'quotes': '"' * MEGABYTE,
     'nothing': '\n' * MEGABYTE,
+    'a sum of ten thousand': 'steps:\n- forward: ' + ' + '.join(['1 m'] * 10_000),
+    'signs': 'steps:\n- forward: "' + '$' * 900_000 + '"',
+    'digits of an expression': 'steps:\n- forward: "' + '1' * 900_000 + '$"',
+    'spaces of an expression': 'steps:\n- forward: "1 m' + ' ' * 900_000 + '$"',
+    'many products': 'parameters: {a: 1e90}\nsteps:\n' + (
+        '- forward: 1 m *' + '*'.join(['$a'] * 300) + '\n') * 900,
+    'many sums': 'parameters: {a: 1 m}\nsteps:\n' + '- forward: $a * 2 + 0.1 s\n' * 33_000,
+    'a thousand million repeats': 'parameters: {a: 1e6}\nsteps: [' + (
+        '{repeat: {times: $a * 1000, steps: [' * 20) + '{wait: 0}' + ']}}' * 20 + ']',
+    'repeats in repeats': 'steps: [' + '{repeat: {times: 1000000, steps: [' * 20 + (
+        '{wait: 0}' + ']}}' * 20) + ']',
+    'parameters': 'parameters:\n' + ''.join(
+        f'  a{index}: 1 m\n' for index in range(60_000)) + 'steps: []',
+    'includes of what is not there': 'steps:\n' + '- include: ./none.yaml\n' * 30_000,
 }
 
 

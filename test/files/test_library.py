@@ -22,7 +22,8 @@ from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files import library as library_module
 from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.library import find
-from kachaka_simple_control.files.motion_file import dump, loads
+from kachaka_simple_control.files.motion_reader import loads
+from kachaka_simple_control.files.motion_writer import dump
 from kachaka_simple_control.files.robot_profile import find_robot
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose
 from kachaka_simple_control.motion.steps import Arc, Forward, Move, Repeat, Step, Turn, Wait

@@ -23,7 +23,8 @@ from golden import answers, compare
 from hypothesis import example, given, settings
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.document import MotionFileError
-from kachaka_simple_control.files.motion_file import dump, load, loads
+from kachaka_simple_control.files.motion_reader import load, loads
+from kachaka_simple_control.files.motion_writer import dump
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
 from kachaka_simple_control.motion.waypoints import Goto, Waypoints

@@ -20,7 +20,8 @@ from importlib.resources import files
 import json
 from typing import Any
 
-from kachaka_simple_control.files.motion_file import loads, motion_schema
+from kachaka_simple_control.files.motion_reader import loads
+from kachaka_simple_control.files.motion_schema import motion_schema
 from kachaka_simple_control.motion.step_base import KINDS
 from kachaka_simple_control.motion.steps import MAX_TIMES
 from kachaka_simple_control.motion.units import QUANTITIES, SignRule
@@ -70,7 +71,9 @@ def test_quantities_are_those_of_the_program():
     assert {part['quantity'] for part in found} == set(QUANTITIES)
     for part in found:
         quantity = QUANTITIES[part['quantity']]
-        assert part['pattern'] == quantity.pattern
+        plain, *computed = part['pattern'].split('|^')
+        assert plain == quantity.pattern
+        assert len(computed) == part.get('expressions', False)
         assert part.get('maximum', float('inf')) == quantity.largest
         assert ('exclusiveMinimum' in part) == (quantity.sign is SignRule.POSITIVE)
         assert ('minimum' in part) == (quantity.sign is SignRule.NOT_NEGATIVE)
@@ -95,7 +98,9 @@ def test_steps_are_those_of_the_program():
     for word, kind in KINDS.items():
         part = STEP['properties'][word]
         fields = kind.file_fields()
-        assert list(part['properties']) == list(fields)
+        # An include has a motion from a file instead of steps.
+        assert [name for name in part['properties'] if name not in ('motion', 'with')] == list(
+            fields)
         quantities = {name: QUANTITIES[field['quantity']]
                       for name, field in part['properties'].items() if 'quantity' in field}
         assert quantities == {name: fields[name].kind for name in quantities}
@@ -111,7 +116,9 @@ def test_the_schema_alone_accepts_and_refuses_what_the_program_does():
     assert loads(EVERYTHING)
     assert list(validator.iter_errors(good)) == []
     for step in ({'wait': '2 m'}, {'wait': -1}, {'wait': '-1 s'}, {'trun': 1}, {}, 'stop',
-                 {'turn': '1 rad', 'wait': 1}, {'turn': 1}, {'forward': '1'},
+                 {'turn': '1 rad', 'wait': 1}, {'turn': 1}, {'forward': '1'}, {'forward': '1 -'},
+                 {'forward': '2 * '}, {'turn': '$a + 1 sec'}, {'forward': 'sin($a)'},
+                 {'include': 3}, {'include': {'file': 'square'}},
                  {'arc': {'radius': '1 m'}}):
         assert list(validator.iter_errors({'steps': [step]})), step
         assert list(validator.iter_errors(

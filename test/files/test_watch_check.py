@@ -20,7 +20,7 @@ import math
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
 from kachaka_simple_control.files.document import MotionFileError
-from kachaka_simple_control.files.motion_file import loads
+from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.files.watch_check import require_watchable, watch_text
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait

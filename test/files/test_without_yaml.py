@@ -41,7 +41,7 @@ assert kachaka_simple_control.files.robot_profile.find_robot('kachaka') is KACHA
 @pytest.mark.parametrize('blocked', ['yaml', 'jsonschema'])
 @pytest.mark.parametrize('what', [
     "from kachaka_simple_control.files.library import find; find('square')",
-    "from kachaka_simple_control.files.motion_file import loads; loads('steps: []')",
+    "from kachaka_simple_control.files.motion_reader import loads; loads('steps: []')",
     "from kachaka_simple_control.files.robot_profile import find_robot; find_robot('generic')",
 ])
 def test_the_error_of_reading_a_file_says_what_to_install(what, blocked):

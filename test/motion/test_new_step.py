@@ -27,7 +27,9 @@ from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.document import MotionFileError
-from kachaka_simple_control.files.motion_file import dump, loads, motion_schema
+from kachaka_simple_control.files.motion_reader import loads
+from kachaka_simple_control.files.motion_schema import motion_schema
+from kachaka_simple_control.files.motion_writer import dump
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.geometry import Displacement
 from kachaka_simple_control.motion.path_segment import PathSegment

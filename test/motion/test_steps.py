@@ -64,11 +64,11 @@ import pytest
     (lambda: Repeat(1, 'abc'), "steps is 'abc'; it must be a sequence of steps"),
     (lambda: Repeat(1, Wait(1)), 'steps is Wait(duration=1); it must be a sequence of steps'),
     (lambda: Repeat(1, [Wait(1), 2]),
-     ('steps[1]: it is 2; it must be one of Move, Forward, Turn, Arc, Wait, Settle, Repeat, Goto, '
-      'Waypoints')),
+     ('steps[1]: it is 2; it must be one of Move, Forward, Turn, Arc, Wait, Settle, Repeat, '
+      'Include, Goto, Waypoints')),
     (lambda: Motion('x', [Goto((1.0, 0.0)), None]),
      ('steps[1]: it is None; it must be one of Move, Forward, Turn, Arc, Wait, Settle, Repeat, '
-      'Goto, Waypoints')),
+      'Include, Goto, Waypoints')),
     (lambda: Motion('x', (), corners=-0.05), 'corners is -0.05 m; it must not be negative'),
     (lambda: Motion('x', (), corners=1.1), 'corners is 1.1 m; it must be at most 1 m'),
     (lambda: Motion('x', (), corners=math.nan), 'corners is nan m; it must be a finite number'),

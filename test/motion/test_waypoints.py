@@ -22,7 +22,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.document import MotionFileError
-from kachaka_simple_control.files.motion_file import loads
+from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.plan import find_errors, MAX_STEPS, Plan, plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Repeat, Turn, Wait

@@ -48,7 +48,7 @@ def test_an_error_of_ours_is_one_line_and_its_exit_code(error, code, tmp_path):
 def test_the_line_is_that_of_the_program_and_a_file_has_its_own(tmp_path):
     pytest.importorskip('jsonschema', reason='needs jsonschema')
     code, text = run(
-        'from kachaka_simple_control.files.motion_file import loads\n'
+        'from kachaka_simple_control.files.motion_reader import loads\n'
         'def patrol():\n    loads("steps:\\n- trun: 1 rad\\n- wait: fast", "a.yaml")\npatrol()',
         tmp_path)
     assert code == 2
@@ -126,7 +126,7 @@ def test_the_line_is_not_that_of_a_thread_that_calls_the_package(tmp_path):
     pytest.importorskip('jsonschema', reason='needs jsonschema')
     code, text = run("""
 import threading
-from kachaka_simple_control.files.motion_file import loads
+from kachaka_simple_control.files.motion_reader import loads
 threading.Thread(target=loads, args=('steps:\\n- trun: 1 rad', 'a.yaml')).start()
 """, tmp_path)
     assert code == 0
