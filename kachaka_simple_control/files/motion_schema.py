@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Make the JSON Schema of motion files from the kinds of steps."""
+"""
+Make the JSON Schema of motion files from the kinds of steps.
+
+Tested by test/files/test_schema.py.
+"""
 
 from __future__ import annotations
 

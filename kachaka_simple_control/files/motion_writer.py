@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Write motions as YAML files."""
+"""
+Write motions as YAML files.
+
+Tested by test/files/test_motion_file.py.
+"""
 
 from __future__ import annotations
 

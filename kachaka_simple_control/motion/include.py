@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The step of a motion that drives another motion."""
+"""
+The step of a motion that drives another motion.
+
+Tested by test/files/test_motion_reader.py.
+"""
 
 from __future__ import annotations
 
