@@ -16,7 +16,7 @@
 from program import COMMAND, program
 import pytest
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.distro]
 
 WANTED = [(0.1, 0.0, 1.0), (0.0, 0.5, 2.0), (0.0, -0.5, 2.0)]
 ALL_SEVEN = [

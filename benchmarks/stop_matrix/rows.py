@@ -42,7 +42,7 @@ from benchmarks.stop_matrix.trial_setup import Row, TrialContext
 
 
 def _ends(what: str, limit: float | None, codes: tuple[int, ...], *names: str) -> Row:
-    return Row(Expectation(what, NODE, codes, limit=limit), faults.send_signals(*names), quick=2)
+    return Row(Expectation(what, NODE, codes, limit=limit), faults.send_signals(*names))
 
 
 def _freeze(what: str, seconds: float, **more: int) -> Row:
@@ -60,7 +60,7 @@ def _two(
     drive = 'drive' if script is scripts.IN_STEP else 'program'
     return Row(
         Expectation(f'{what}, two robots in one {drive}', who, codes, limit=limit), inject,
-        script, robots=2, batch_size=2)
+        script, robots=2, batch_size=2, quick=int(script is scripts.IN_STEP))
 
 
 def _runs_on(what: str, inject: Callable[[TrialContext], float], **more: object) -> Row:
@@ -80,20 +80,18 @@ IN_MOTION = (
     _ends('SIGTERM', SIGNAL, (143,), 'SIGTERM'),
     _ends('SIGHUP', SIGNAL, (129,), 'SIGHUP'),
     Row(Expectation('SIGQUIT', GUARDIAN, (131,)), faults.send_signals('SIGQUIT')),
-    Row(Expectation('SIGKILL', GUARDIAN, (137,), limit=KILLED), faults.send_signals('SIGKILL'),
-        quick=2),
-    Row(Expectation('SIGSTOP', GUARDIAN, (), limit=FROZEN), faults.send_signals('SIGSTOP'),
-        quick=2),
+    Row(Expectation('SIGKILL', GUARDIAN, (137,), limit=KILLED), faults.send_signals('SIGKILL')),
+    Row(Expectation('SIGSTOP', GUARDIAN, (), limit=FROZEN), faults.send_signals('SIGSTOP')),
     _runs_on('frozen for 50 ms, 50 times in one run', faults.freeze_repeatedly(50), duration=20.0,
              full=1, quick=0),
     _runs_on('frozen for 50 ms, 5 times in one run', faults.freeze_repeatedly(5), duration=2.6,
              full=0),
-    _freeze('frozen for 120 ms', 0.12),
+    _freeze('frozen for 120 ms', 0.12, quick=0),
     _freeze('frozen for 150 ms', 0.15),
-    _freeze('frozen for 200 ms', 0.2),
-    _freeze('frozen for 280 ms', 0.28),
-    _freeze('frozen for 320 ms', 0.32),
-    _freeze('frozen for 1 s', 1.0),
+    _freeze('frozen for 200 ms', 0.2, quick=0),
+    _freeze('frozen for 280 ms', 0.28, quick=0),
+    _freeze('frozen for 320 ms', 0.32, quick=0),
+    _freeze('frozen for 1 s', 1.0, quick=0),
     _freeze('frozen for 60 s', 60.0, quick=0, batch_size=17),
     _user('exception in a callback', scripts.CALLBACK),
     _user('exception in the thread that drives', scripts.MOTION_THREAD),
@@ -156,14 +154,14 @@ IN_MOTION = (
     _runs_on('manual control switched off from outside', faults.disable_manual_control),
     _runs_on('`use_sim_time`, nobody publishes `/clock`', faults.no_fault,
              options=('use_sim_time:=true',)),
-    _runs_on('`use_sim_time`, one message on `/clock`', faults.publish_clock_once,
+    _runs_on('`use_sim_time`, one message on `/clock`', faults.publish_clock_once, quick=0,
              options=('use_sim_time:=true',)),
     _runs_on('system clock stepped by 1 h (faked)', faults.no_fault, script=scripts.CLOCK_STEPPED),
     Row(Expectation('suspended for 60 s (faked)', NODE, (1,)), faults.own_fault,
         scripts.SUSPENDED),
     Row(Expectation('twelve busy processes, then SIGINT', NODE, (130, 1), Zero.ANY_TIME),
         faults.interrupt_later, background=faults.busy_processes(12)),
-    _runs_on('twelve busy processes, nothing else', faults.no_fault, full=50,
+    _runs_on('twelve busy processes, nothing else', faults.no_fault, full=50, quick=0,
              background=faults.busy_processes(12)),
     Row(Expectation('guardian killed', NODE, (1,)), faults.kill_guardian),
     Row(Expectation('guardian frozen', NODE, (1,), limit=GUARDIAN_FROZEN),
@@ -218,7 +216,7 @@ AROUND_PAUSE = (
     'somebody else comes, and sends velocities')
 #: The faults around a pause in the quick form.
 QUICK_AROUND_PAUSE = {
-    State.BRAKING: AROUND_PAUSE[1:2], State.PAUSED: AROUND_PAUSE[:3], State.RESUMING: ()}
+    State.BRAKING: AROUND_PAUSE[1:2], State.PAUSED: AROUND_PAUSE[1:2], State.RESUMING: ()}
 
 
 def _at(state: State, row: Row) -> Row:
@@ -238,7 +236,7 @@ IN_CLOSED_LOOP = (
     'SIGINT (Ctrl+C)', 'SIGKILL', 'SIGSTOP', 'listener killed: odometry falls silent',
     'SIGTERM', 'SIGHUP', 'frozen for 320 ms', 'listener leaves', 'guardian killed',
     'somebody else comes, and sends velocities')
-QUICK_IN_CLOSED_LOOP = 4
+QUICK_IN_CLOSED_LOOP = 2
 #: The time limit for a robot that stands instead of driving at 0.1 m/s: an error of 0.2 m [s].
 HELD = 3.0
 #: The time limit for odometry that drifts by 0.25 rad/s: a turn of 45 degrees [s].
@@ -259,7 +257,7 @@ def _closed(row: Row) -> Row:
 #: The faults that are also tested in a corner, with the same limits; quick form first.
 IN_CORNER = (
     'SIGKILL', 'SIGINT (Ctrl+C)', 'SIGSTOP', 'frozen for 120 ms', 'listener leaves')
-QUICK_IN_CORNER = 2
+QUICK_IN_CORNER = 1
 
 
 def _in_corner(row: Row) -> Row:
@@ -283,7 +281,7 @@ def _paused_in_corner(row: Row) -> Row:
 BY_HAND = (
     'SIGINT (Ctrl+C)', 'SIGKILL', 'SIGSTOP', 'frozen for 150 ms', 'SIGTERM', 'listener leaves',
     'guardian killed', 'somebody else comes, and sends velocities')
-QUICK_BY_HAND = 3
+QUICK_BY_HAND = 2
 #: The time limits for the first zero after the last command by hand: HAND_LEASE_TIME, the period
 #: of the commands and a margin; and after the commanding program is killed [s].
 HAND_LAPSED, HAND_KILLED = 0.35, 0.05

@@ -19,6 +19,7 @@ from bisect import bisect_right
 from itertools import pairwise, product
 import math
 
+from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.analysis import pair_search
@@ -131,7 +132,7 @@ def distances_at(one, two, times):
 
 
 @given(FOOTPRINTS, FOOTPRINTS, POSES, POSES)
-@settings(max_examples=300)
+@settings(max_examples=examples(60))
 def test_the_distance_of_outlines_is_that_of_their_edges(one, two, pose, other):
     found = gap(Hull.of(one), Hull.of(two), relative_to(pose, other))
     true = distance_of(one, pose, two, other)
@@ -196,7 +197,7 @@ def test_no_near_pass_is_missed_and_each_is_as_found(first, second, box, other, 
 
 
 @given(VELOCITIES, VELOCITIES, FOOTPRINTS, FOOTPRINTS, POSES, st.floats(0.01, 2.0))
-@settings(max_examples=200)
+@settings(max_examples=examples(40))
 def test_the_bounds_between_two_moments_hold(first, second, box, other, offset, span):
     limits = Limits(2.0, 2.0)
     tracks = [Track(plan(Motion([Move(*velocity, span)]), limits, 10.0))

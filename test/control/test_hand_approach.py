@@ -16,6 +16,7 @@
 import math
 import random
 
+from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.control.hand_source import HandSource
@@ -86,7 +87,7 @@ class HandDrive:
         return self.floor.nearest(HULL, self.robot.state_at(self.now)[0], self.now).distance
 
 
-@settings(max_examples=15)
+@settings(max_examples=examples(6))
 @given(SEEDS)
 def test_no_wall_is_touched(seed):
     numbers = random.Random(seed)

@@ -16,6 +16,7 @@
 import math
 import random
 
+from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.control.events import WatchState
@@ -104,7 +105,7 @@ def post_beside(numbers, _, path):
 
 
 # Each drive takes some tenths of a second.
-@settings(max_examples=20)
+@settings(max_examples=examples(8))
 @given(SEEDS)
 def test_no_wall_is_touched(seed):
     kind, drive = some_drive(seed, wall_across)
@@ -114,7 +115,7 @@ def test_no_wall_is_touched(seed):
         assert all(gap <= MARGIN + 0.1 for gap in drive.gaps)
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(8))
 @given(SEEDS)
 def test_what_is_beside_holds_nobody(seed):
     _, drive = some_drive(seed, post_beside)
@@ -123,7 +124,7 @@ def test_what_is_beside_holds_nobody(seed):
     assert drive.is_complete
 
 
-@settings(max_examples=10)
+@settings(max_examples=examples(5))
 @given(SEEDS)
 def test_a_robot_of_unknown_delay_is_placed_by_odometry(seed):
     _, drive = some_drive(seed, wall_across)
@@ -132,7 +133,7 @@ def test_a_robot_of_unknown_delay_is_placed_by_odometry(seed):
     assert not drive.has_touched
 
 
-@settings(max_examples=10)
+@settings(max_examples=examples(5))
 @given(st.floats(0.3, 1.4), st.floats(0.2, 1.0), SEEDS)
 def test_a_wall_that_appears_holds_soon_and_goes_on_when_it_is_gone(appears, speed, seed):
     # 0.4 m ahead of the outline, when the robot drives there.
@@ -169,7 +170,7 @@ def test_what_is_sent_without_an_obstacle_is_the_plan_to_the_last_bit():
     assert drive.sent == sent
 
 
-@settings(max_examples=10)
+@settings(max_examples=examples(5))
 @given(st.floats(0.5, 5.0), SEEDS)
 def test_a_laser_that_is_silent_holds_the_robot_within_half_a_second(silent_from, seed):
     drive = ObstacleDrive(LEG, Floor(), seed=seed, silent_from=silent_from, longest=8.0)

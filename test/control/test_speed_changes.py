@@ -16,6 +16,7 @@
 from itertools import pairwise
 import math
 
+from example_counts import examples
 from hypothesis import given, Phase, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
@@ -32,7 +33,7 @@ CHANGES = st.lists(
 #: Of thorough tests as many random drives as the promise names, a thousand; to make a failing one
 #: smaller takes too long.
 MANY = settings(
-    max_examples=10 * settings.default.max_examples,
+    max_examples=examples(200),
     phases=(Phase.explicit, Phase.reuse, Phase.generate))
 
 

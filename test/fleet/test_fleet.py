@@ -29,7 +29,9 @@ with optional_imports():
     from kachaka_simple_control import Fleet
     import rclpy
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'jsonschema')]
+pytestmark = [
+    pytest.mark.ros, pytest.mark.distro,
+    pytest.mark.needs('rclpy', 'nav_msgs', 'jsonschema')]
 
 OUT, BACK = Motion('out', (Forward(0.2),)), Motion('back', (Forward(-0.1),))
 

@@ -36,7 +36,9 @@ with optional_imports():
     from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
     from rclpy.qos import qos_profile_sensor_data
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'geometry_msgs.msg')]
+pytestmark = [
+    pytest.mark.ros, pytest.mark.distro,
+    pytest.mark.needs('rclpy', 'geometry_msgs.msg')]
 TOPIC = 'velocity'
 #: How long what should be at once may take on a busy machine [s].
 AT_ONCE = 5.0

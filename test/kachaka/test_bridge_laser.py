@@ -22,7 +22,9 @@ import pytest
 from ros_support import bridge
 from waiting import TIMEOUT, wait_until
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'sensor_msgs', 'yaml',
+pytestmark = [
+    pytest.mark.ros, pytest.mark.distro,
+    pytest.mark.needs('rclpy', 'nav_msgs', 'sensor_msgs', 'yaml',
                                                  'jsonschema')]
 FLOOR = """
 walls: [[[0.3 m, -1 m], [0.3 m, 1 m]]]

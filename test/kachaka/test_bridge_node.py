@@ -34,7 +34,7 @@ with optional_imports():
     from kachaka_simple_control.files import cdr
     from kachaka_simple_control.motion.geometry import Velocity
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
+pytestmark = [pytest.mark.ros, pytest.mark.distro, pytest.mark.needs('rclpy', 'nav_msgs')]
 #: The distance driven in a command timeout of 0.3 s at 0.1 m/s [m].
 TIMEOUT_DISTANCE = 0.03
 VELOCITY = '/kachaka/manual_control/cmd_vel'

@@ -15,6 +15,7 @@
 
 import math
 
+from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
@@ -102,7 +103,7 @@ def drive(motion, calibration, robot, rate=20.0):
 
 
 @given(calibrations)
-@settings(max_examples=25)  # each is a drive
+@settings(max_examples=examples(8))  # each is a drive
 def test_a_calibrated_square_ends_where_it_was_planned(calibration):
     robot = SimulationParameters(
         dead_time=0.2, lag=0.1, linear_gain=calibration.forward_gain,

@@ -17,6 +17,7 @@ from itertools import pairwise
 import math
 import time
 
+from example_counts import examples
 from flows import (
     apart,
     end_of,
@@ -58,7 +59,7 @@ def with_stops(motion: Motion) -> Motion:
     return Motion(motion.name, motion.steps)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(st.lists(st.floats(5.0, 40.0), min_size=3, max_size=8), st.floats(0.05, 0.3),
        st.sampled_from((5.0, 10.0, 20.0)))
 def test_corners_that_use_whole_legs_lose_nothing_of_them(angles, tolerance, rate):
@@ -70,7 +71,7 @@ def test_corners_that_use_whole_legs_lose_nothing_of_them(angles, tolerance, rat
     assert apart(end_of(messages(plan(motion, limits, rate).segments)), end) < 1e-9
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(20), deadline=None)
 @given(flows(), FLOW_LIMITS, FLOW_RATES)
 @example(Motion('flow', (
     Forward(1.0), Turn(-0.3141592653589793), Forward(1.0), Turn(-0.20943951023931956),
@@ -93,7 +94,7 @@ def test_what_is_sent_keeps_every_promise(motion: Motion, limits: Limits, rate: 
         assert excess.jerk_unequal <= max(1e-6, others[axis].jerk_unequal)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(10), deadline=None)
 @given(flows(), FLOW_LIMITS, FLOW_RATES)
 def test_the_path_is_within_the_tolerance_of_the_legs(motion, limits, rate):
     sent = messages(plan(motion, limits, rate).segments)

@@ -17,6 +17,7 @@ from dataclasses import replace
 from itertools import pairwise
 import math
 
+from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
@@ -163,7 +164,7 @@ def drive(motion, profile, robot, rate=20.0):
     return planned.pose, simulated.state_at(planned.duration + 2.0)[0]
 
 
-@settings(max_examples=30)  # each is a drive
+@settings(max_examples=examples(8))  # each is a drive
 @given(calibrations, st.floats(0.9, 1.1), st.floats(0.99, 1.01), st.floats(0.9, 1.1))
 def test_a_square_ends_on_the_floor_where_it_was_planned(
         calibration, scale, wheel_ratio, track_ratio):

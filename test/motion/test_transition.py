@@ -17,6 +17,7 @@ from itertools import pairwise
 import math
 import random
 
+from example_counts import examples
 from flows import (
     apart,
     end_of,
@@ -136,7 +137,7 @@ def hausdorff(one: list[Piece], two: list[Piece], counts: tuple[int, int]) -> fl
         for part in pieces for point in part.points(count))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(arc_flows(), FLOW_LIMITS, FLOW_RATES)
 def test_what_is_sent_keeps_every_promise(motion: Motion, limits: Limits, rate: float):
     planned = plan(motion, limits, rate)
@@ -164,7 +165,7 @@ def test_the_path_is_within_the_tolerance(motion, limits, rate):
         1.0 + 1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(20), deadline=None)
 @given(arc_flows(), FLOW_LIMITS, FLOW_RATES, st.integers(0, 1 << 30))
 def test_any_speed_factor_keeps_the_path_and_the_limits(motion, limits, rate, seed):
     planned = plan(motion, limits, rate)
@@ -198,7 +199,7 @@ def driven(planned: Plan, chance: random.Random) -> list[Message]:
     return sent
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(st.tuples(RADII, RADII), st.tuples(SIDES, SIDES), st.floats(0.001, 0.2),
        st.floats(0.05, 1.0), FLOW_RATES, FLOW_LIMITS)
 @example((1.0, 1.0 + 1.1e-11), (1.0, 1.0), 0.125, 1.0, 10.0, UNIT)

@@ -16,6 +16,7 @@
 from itertools import pairwise
 import math
 
+from example_counts import examples
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.analysis.message_timing import timing
@@ -67,7 +68,7 @@ def test_who_is_held_at_rest_is_paused_whatever_the_factor(factor, is_held):
     assert SpeedInterval(None, {'obstacle': factor}, 0.0, 1.0, 0.0, 0.0).is_pause is is_held
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(20))
 @given(CHANGES, st.sampled_from([5.0, 20.0, 50.0]))
 @example([(3.0, 0.0), (2.0, 0.0)], 20.0)
 def test_each_step_was_sent_what_it_asks_for(changes, rate):

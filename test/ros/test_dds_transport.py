@@ -27,7 +27,7 @@ import pytest
 from ros_domain import claim_domain
 from ros_support import free_environment
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.distro]
 
 #: Creates a node, and prints its threads and the addresses that it receives at.
 INSPECT = """

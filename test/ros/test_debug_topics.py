@@ -29,7 +29,9 @@ with optional_imports():
     from rclpy.impl.rcutils_logger import RcutilsLogger
     from topic_observer import figures, ODOMETRY, positions, SHOWN, VELOCITY
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs')]
+pytestmark = [
+    pytest.mark.ros, pytest.mark.distro,
+    pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs')]
 
 
 def drive(node, *arguments):

@@ -49,7 +49,7 @@ with optional_imports():
     from listener import Listener
     import rclpy
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
+pytestmark = [pytest.mark.ros, pytest.mark.distro, pytest.mark.needs('rclpy')]
 
 TOPIC = '/kachaka/manual_control/cmd_vel'
 NOBODY = '/nobody/cmd_vel'

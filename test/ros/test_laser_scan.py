@@ -29,7 +29,8 @@ with optional_imports():
     from sensor_msgs.msg import LaserScan
 
 pytestmark = [
-    pytest.mark.ros, pytest.mark.real_time, pytest.mark.needs('rclpy', 'nav_msgs', 'sensor_msgs')]
+    pytest.mark.ros, pytest.mark.distro, pytest.mark.real_time,
+    pytest.mark.needs('rclpy', 'nav_msgs', 'sensor_msgs')]
 
 PERIOD = 0.1
 #: The motion is long enough for what happens.

@@ -33,7 +33,9 @@ with optional_imports():
     from std_srvs.srv import Trigger
     from topic_observer import SHOWN, VELOCITY
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs')]
+pytestmark = [
+    pytest.mark.ros, pytest.mark.distro,
+    pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs')]
 
 
 @pytest.mark.parametrize('topic', SHOWN)

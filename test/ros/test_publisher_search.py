@@ -37,7 +37,7 @@ with optional_imports():
     from listener import Listener
     from nav_msgs.msg import Odometry
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
+pytestmark = [pytest.mark.ros, pytest.mark.distro, pytest.mark.needs('rclpy', 'nav_msgs')]
 
 TOPIC = '/kachaka/manual_control/cmd_vel'
 #: Another program: it joins the graph as its user would start it, and has a publisher.

@@ -23,7 +23,7 @@ import pytest
 from ros_support import bridge
 from waiting import wait_until
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
+pytestmark = [pytest.mark.ros, pytest.mark.distro, pytest.mark.needs('rclpy', 'nav_msgs')]
 
 #: A movement whose speed tells which program sent it.
 DRIVE = """

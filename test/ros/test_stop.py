@@ -19,7 +19,7 @@ import time
 from program import COMMAND, program, quick_drive, script
 import pytest
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
+pytestmark = [pytest.mark.ros, pytest.mark.distro, pytest.mark.needs('rclpy')]
 
 #: Time from a signal to the first zero [s]: far below the robot's command timeout.
 SOON = 0.2

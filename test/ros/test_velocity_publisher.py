@@ -28,7 +28,9 @@ with optional_imports():
     import rclpy
     from rclpy.serialization import deserialize_message, serialize_message
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'geometry_msgs.msg')]
+pytestmark = [
+    pytest.mark.ros, pytest.mark.distro,
+    pytest.mark.needs('rclpy', 'geometry_msgs.msg')]
 SECOND = 1_000_000_000
 NUMBERS = st.floats()
 TIMES = st.integers(0, 2 ** 31 * SECOND - 1)
