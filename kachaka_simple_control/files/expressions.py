@@ -29,6 +29,7 @@ from kachaka_simple_control.files.amounts import (
     Amount,
     amount_of,
     dimension_of,
+    unit_of,
     UNITS,
     VALUE,
 )
@@ -109,8 +110,17 @@ def compute_count(text: str, values: Mapping[str, Amount | None] | None) -> int 
         return None
     whole = round(amount.number)
     if any(amount.dimension) or abs(amount.number - whole) > ROUNDING:
-        raise UnitError(f'{quoted(text)} is {amount}; it must be a whole number')
+        shown = f'{amount.value:.4g} {unit_of(amount.dimension)}'.rstrip()
+        raise UnitError(
+            f'{quoted(text)} is {shown}{_with_values(text, values)}; it must be a whole number')
     return whole
+
+
+def _with_values(text: str, values: Mapping[str, Amount | None] | None) -> str:
+    """Return the values of the parameters in an expression, as in `` with width 1 m``."""
+    names = dict.fromkeys(re.findall(f'[$]({NAME})', text))
+    found = ', '.join(f'{name} {(values or {}).get(name)}' for name in names)
+    return f' with {found}' if found and text.strip() != f'${next(iter(names))}' else ''
 
 
 class _Evaluation:

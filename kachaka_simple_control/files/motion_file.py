@@ -18,10 +18,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 import math
+import os
 from types import MappingProxyType
 
 from kachaka_simple_control.errors import InvalidMotionError, LimitError
 from kachaka_simple_control.files.document import (
+    beside,
+    is_path,
     MotionFileError,
     Node,
     parse_path,
@@ -36,6 +39,29 @@ from kachaka_simple_control.motion.plan import find_errors
 from kachaka_simple_control.motion.steps import Motion
 from kachaka_simple_control.motion.time_scale import slowed
 from kachaka_simple_control.text import location
+
+
+def included_key(source: str, name_or_path: str) -> str:
+    """
+    Return what names a file that another one includes, on any machine.
+
+    :param source: the path of the file that includes it, or its key
+    :returns: the name of a motion of the package, or the path of any other file
+    """
+    if not is_path(name_or_path):
+        return name_or_path
+    path = os.path.normpath(beside(source, name_or_path))
+    return path if is_path(path) else f'./{path}'
+
+
+def _add_included(texts: dict[str, str], file: MotionFile, source: str) -> None:
+    for place, included in file.included.items():
+        assert file.root is not None
+        step = file.root.at(parse_path(place)).data
+        key = included_key(source, step if isinstance(step, str) else step['motion'])
+        if key not in texts:
+            texts[key] = included.text or ''
+            _add_included(texts, included, key)
 
 
 @dataclass(frozen=True)
@@ -78,6 +104,12 @@ class MotionFile:
     root: Node | None = field(default=None, repr=False, compare=False)
     text: str | None = field(default=None, repr=False, compare=False)
 
+    @property
+    def title(self) -> str:
+        """Return its name with the values that were given, as in ``square (side 1 m, laps 2)``."""
+        values = ', '.join(f'{name} {value}' for name, value in self.values.items())
+        return f'{self.motion.name} ({values})' if values else self.motion.name
+
     def where(self, path: str) -> str:
         """
         Return the place of a value in the file as file name and line, as in ``square.yaml:7``.
@@ -90,11 +122,9 @@ class MotionFile:
 
     @property
     def included_texts(self) -> dict[str, str]:
-        """Return the text of each file that it includes, also in others, by path."""
+        """Return the text of each file that it includes, also in others, by ``included_key``."""
         texts: dict[str, str] = {}
-        for file in self.included.values():
-            if file.source not in texts:
-                texts.update({file.source: file.text or '', **file.included_texts})
+        _add_included(texts, self, self.source)
         return texts
 
     def check(

@@ -40,7 +40,7 @@ from kachaka_simple_control.files.document import (
 )
 from kachaka_simple_control.files.expressions import evaluate
 from kachaka_simple_control.files.motion_file import MotionFile
-from kachaka_simple_control.files.motion_schema import motion_schema, POINT
+from kachaka_simple_control.files.motion_schema import motion_schema
 from kachaka_simple_control.files.parameters import (
     assign,
     Given,
@@ -48,6 +48,7 @@ from kachaka_simple_control.files.parameters import (
     read_parameters,
     Value,
 )
+from kachaka_simple_control.files.step_reader import StepReader
 from kachaka_simple_control.files.yaml_document import (
     look_up,
     MAX_VALUES,
@@ -58,18 +59,9 @@ from kachaka_simple_control.files.yaml_document import (
 from kachaka_simple_control.motion.include import Include
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES
 from kachaka_simple_control.motion.plan import MAX_STEPS
-from kachaka_simple_control.motion.step_base import (
-    Count,
-    FieldKind,
-    KINDS,
-    PointField,
-    PointList,
-    Step,
-    StepList,
-    Text,
-)
+from kachaka_simple_control.motion.step_base import Step
 from kachaka_simple_control.motion.steps import MAX_INCLUDES, Motion
-from kachaka_simple_control.motion.units import FREQUENCY, LENGTH, Quantity, TOLERANCE, UnitError
+from kachaka_simple_control.motion.units import FREQUENCY, TOLERANCE, UnitError
 from kachaka_simple_control.text import location, quoted
 
 #: The largest number of files that a motion includes; with other values a file counts again.
@@ -156,8 +148,13 @@ class _Reader:
         """Return the path, the text and the real path of what a file includes by a name."""
         if (source, name) not in self.found:
             path, text = self.find(source, name)
-            self.found[source, name] = path, text, _identity(path)
+            self.found[source, name] = path, text, self.identity(path)
         return self.found[source, name]
+
+    def identity(self, path: str) -> str:
+        """Return a path that is equal for all paths of a file."""
+        # Texts of another place than the disk are not what links on the disk say.
+        return _real_path(path) if self.find is find_included else os.path.normpath(path)
 
     def count(self, steps: tuple[Step, ...]) -> int:
         """
@@ -183,7 +180,7 @@ class _Reading:
     def __init__(
             self, reader: _Reader, source: str, text: str, file_id: str | None = None) -> None:
         self.source = source
-        self.file_id = _identity(source) if file_id is None else file_id
+        self.file_id = reader.identity(source) if file_id is None else file_id
         self._reader, self._text = reader, text
         self.document = document = read_document(text, motion_schema())
         reader.size += document.size
@@ -221,7 +218,7 @@ class _Reading:
         document.values = values
         self._reader.open.append(self)
         try:
-            steps = self._steps(['steps'])
+            steps = StepReader(document, self._include).steps(['steps'])
         finally:
             self._reader.open.pop()
         corners = document.read_quantities([], {'corners': TOLERANCE}).get('corners')
@@ -241,65 +238,6 @@ class _Reading:
             settings['rate'], settings['closed_loop'], settings['watch'], corners,
             MappingProxyType(self.parameters), included=MappingProxyType(self._included),
             root=document.root, text=self._text)
-
-    def _steps(self, path: KeyPath) -> tuple[Step, ...]:
-        """Return the valid steps of a list; the problems of the others are recorded."""
-        nodes = self.document.root.along(path)
-        if len(nodes) <= len(path) or not isinstance(nodes[-1].data, list):
-            return ()
-        steps = (self._step([*path, index]) for index in range(len(nodes[-1].data)))
-        return tuple(step for step in steps if step is not None)
-
-    def _step(self, path: KeyPath) -> Step | None:
-        node = self.document.root.at(path)
-        word = str(next(iter(node.children), ''))
-        if word not in KINDS:
-            return None
-        path, kind = [*path, word], KINDS[word]
-        if kind is Include and 'steps' not in node.children[word].children:
-            return None if node.has_problem else self._include(path)
-        return self._fields(path, kind)
-
-    def _fields(self, path: KeyPath, kind: type[Step]) -> Step | None:
-        document = self.document
-        step, node = document.root.at(path[:-1]), document.root.at(path)
-        parts, is_short = kind.file_fields(), not isinstance(node.data, dict)
-        is_good = not step.has_problem
-        values: dict[str, Any] = {}
-        for name in ([next(iter(parts))] if is_short else parts):
-            place = path if is_short else [*path, name]
-            if isinstance(parts[name].kind, StepList):
-                # Read nested steps even if this step is invalid, to report all their errors.
-                values[name] = self._steps(place)
-            elif is_good and (is_short or name in node.children):
-                values[name] = self._value(place, parts[name].kind)
-        if step.has_problem:
-            return None
-        try:
-            return kind(**values)
-        except InvalidMotionError as error:
-            document.add_error(path, error)
-            return None
-
-    def _value(self, path: KeyPath, kind: FieldKind) -> Any:
-        """
-        Return a value of a step: a number, a text, a point or a list of points.
-
-        If the value is invalid, record a problem; the returned value is then of no use.
-        """
-        document = self.document
-        match kind:
-            case Quantity():
-                return document.read_quantity(path, kind)
-            case Count():
-                return document.read_count(path, kind.largest)
-            case PointField():
-                return tuple(document.read_quantity([*path, index], LENGTH) for index in range(2))
-            case PointList():
-                points = range(len(document.root.at(path).data))
-                return tuple(self._value([*path, index], POINT) for index in points)
-            case Text() | StepList():
-                return document.root.at(path).data
 
     def _include(self, path: KeyPath) -> Include | None:
         """Return the step that drives another file."""
@@ -423,8 +361,7 @@ class _Reading:
                     self.place, [problem.within(reading.source, self.source, line)])
 
 
-def _identity(path: str) -> str:
-    """Return a path that is equal for all paths of a file; a name may be none."""
+def _real_path(path: str) -> str:
     try:
         return os.path.realpath(path)
     except ValueError:

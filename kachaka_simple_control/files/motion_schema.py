@@ -26,8 +26,9 @@ import math
 from typing import Any
 
 from kachaka_simple_control.files.amounts import UNITS
-from kachaka_simple_control.files.document import read_schema, Schema
+from kachaka_simple_control.files.document import read_schema
 from kachaka_simple_control.files.expressions import expression_pattern
+from kachaka_simple_control.files.schema_check import Schema
 
 # Imported so that the steps are known.
 import kachaka_simple_control.motion.include

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from decimal import Decimal
 import re
 from typing import NamedTuple
 
@@ -100,13 +99,15 @@ class Parameter:
         if isinstance(given, str):
             value = Value(read_value(given), given.strip())
         else:
-            dimension = self.kind.dimension if self.kind else (0, 0, 0)
+            unit = unit_of(self.kind.dimension) if self.kind else ''
             try:
-                number = require_finite(self.name, given, unit_of(dimension))
+                number = require_finite(self.name, given, unit)
             except InvalidMotionError as error:
                 raise UnitError(error.message) from None
-            amount = Amount(Decimal(number), dimension, parsed=number)
-            value = Value(amount, str(amount))
+            short = f'{number:.10g}'
+            # Such that the text, which reports keep, reads back as this value.
+            text = f'{short if float(short) == number else repr(number)} {unit}'.strip()
+            value = Value(read_value(text), text)
         self.check(value)
         return value
 

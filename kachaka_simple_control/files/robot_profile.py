@@ -34,11 +34,11 @@ from kachaka_simple_control.files.document import (
     Document,
     FileError,
     is_path,
-    missing,
     Problem,
     read_schema,
     UnreadableFileError,
 )
+from kachaka_simple_control.files.schema_messages import missing
 from kachaka_simple_control.files.wording import did_you_mean
 from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.motion.geometry import Box, Disc, Footprint, Pose, Velocity

@@ -38,9 +38,9 @@ from kachaka_simple_control.files.document import (
     Node,
     PACKAGE,
     Problem,
-    Schema,
     UnreadableFileError,
 )
+from kachaka_simple_control.files.schema_check import Schema
 from kachaka_simple_control.files.wording import nearest, wide_lines
 from kachaka_simple_control.motion.units import DIGITS, point_advice
 from kachaka_simple_control.text import quoted
@@ -100,12 +100,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
     :raises UnreadableFileError: if the file cannot be read, is larger than 1 MB, or is not in
         UTF-8
     """
-    try:
-        data = _read(path)
-    except (OSError, ValueError) as error:
-        text = next(text for kind, text in _REASONS.items() if isinstance(error, kind))
-        raise UnreadableFileError(Problem(text.format(error))) from None
-    return decode(data)
+    return decode(read_bytes(path, MAX_BYTES))
 
 
 def decode(data: bytes) -> str:
@@ -115,7 +110,7 @@ def decode(data: bytes) -> str:
     :raises UnreadableFileError: if the bytes are not UTF-8, or are more than 1 MB
     """
     if len(data) > MAX_BYTES:
-        raise UnreadableFileError(_too_large())
+        raise UnreadableFileError(_too_large(MAX_BYTES))
     if data.startswith(_UTF_16):
         raise UnreadableFileError(Problem('this is text in UTF-16; save it as UTF-8'))
     try:
@@ -136,7 +131,7 @@ def require_text(text: str) -> str:
     """
     # Check the number of characters first, so that a very long text is not encoded.
     if len(text) > MAX_BYTES or len(text.encode(errors='surrogatepass')) > MAX_BYTES:
-        raise UnreadableFileError(_too_large())
+        raise UnreadableFileError(_too_large(MAX_BYTES))
     found = _UNPRINTABLE.search(text)
     if found:
         raise UnreadableFileError(Problem(
@@ -145,16 +140,29 @@ def require_text(text: str) -> str:
     return text
 
 
-def _read(path: str | os.PathLike[str]) -> bytes:
+def read_bytes(path: str | os.PathLike[str], limit: int) -> bytes:
+    """
+    Read a file of a limited size [bytes].
+
+    :raises UnreadableFileError: if it cannot be read, or is larger
+    """
     # Open without blocking: a pipe waits for its other end, and a device may never end.
-    with open(path, 'rb', opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise UnreadableFileError(Problem('this is a device or a pipe, not a file'))
-        return file.read(MAX_BYTES + 1)
+    try:
+        with open(path, 'rb',
+                  opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise UnreadableFileError(Problem('this is a device or a pipe, not a file'))
+            data = file.read(limit + 1)
+    except (OSError, ValueError) as error:
+        text = next(text for kind, text in _REASONS.items() if isinstance(error, kind))
+        raise UnreadableFileError(Problem(text.format(error))) from None
+    if len(data) > limit:
+        raise UnreadableFileError(_too_large(limit))
+    return data
 
 
-def _too_large() -> Problem:
-    return Problem(f'this is more than {MAX_BYTES} bytes, the most that is read')
+def _too_large(limit: int) -> Problem:
+    return Problem(f'this is more than {limit} bytes, the most that is read')
 
 
 def read_document(text: str, schema: Schema) -> Document:
