@@ -20,15 +20,23 @@ import re
 from typing import Any
 
 import kachaka_simple_control
-from kachaka_simple_control.files import floor_file, motion_schema, protocol, robot_profile
+from kachaka_simple_control.files import (
+    fleet_file,
+    floor_file,
+    motion_schema,
+    protocol,
+    robot_profile,
+)
 from kachaka_simple_control.files.document import read_schema
+from kachaka_simple_control.files.editor_schema import editor_schema, fleet_editor_schema
 from kachaka_simple_control.motion.units import QUANTITIES
 
 
 def main() -> None:
     """Write the schema files of the package, which editors use."""
-    write(motion_schema.SCHEMA, motion_schema.motion_schema())
+    write(motion_schema.SCHEMA, editor_schema())
     write(robot_profile.SCHEMA, read_schema(robot_profile.SCHEMA))
+    write(fleet_file.SCHEMA, fleet_editor_schema())
     write(floor_file.SCHEMA, read_schema(floor_file.SCHEMA))
     write(protocol.SCHEMA, protocol.protocol_schema())
 

@@ -20,7 +20,7 @@ calibrate the odometry itself: the user measures with a tape where the robot has
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 import contextlib
 from dataclasses import replace
 from datetime import datetime
@@ -29,7 +29,6 @@ import math
 import os
 from pathlib import Path
 import sys
-import tempfile
 from typing import TypeVar
 
 from kachaka_simple_control.analysis import calibration_fit, odometry_fit
@@ -64,9 +63,8 @@ T = TypeVar('T')
 
 #: A calibration drive is tried at most this many times.
 MAX_ATTEMPTS = 3
-#: The side length of the squares in the motion library, as text.  The smallest and the largest
-#: side length that the user may choose [m].
-SIDE, MIN_SIDE, MAX_SIDE = '4 m', 0.5, 10.0
+#: The clockwise and the counterclockwise square, in the order in which they are driven.
+SQUARES = 'umbmark_cw', 'umbmark_ccw'
 MARK = 'Mark where the middle between its wheels is, and which way it looks.  '
 
 
@@ -154,20 +152,20 @@ def measure_squares(options: CalibrateOptions) -> None:
     # This raises an error for an invalid track before the robot moves.
     known = replace(known, track=track)
     count, kinds = options.squares or 1, [LENGTH, LENGTH, ANGLE]
-    with _motions(options.side or SIDE) as motions:
-        views = [plan_view(motion, options) for motion in motions]
-        answers = None if options.dry_run else _Answers(options.measured, 2 * count * [kinds])
-        show(views)
-        if answers is None:
-            return
-        squares = []
-        for index in range(2 * count):
-            motion, view = motions[index % 2], views[index % 2]
-            path = _drive(options, motion, view, f'{view.name}_{index // 2 + 1}', MARK)
-            squares.append(odometry_fit.Square(path, Pose(*answers.ask(
-                f'Square {index + 1} of {2 * count}: where does it stand, as seen from where it '
-                'began?  Ahead, to the left, turned to the left, such as -0.12 m, 0.05 m, 3 deg',
-                kinds))))
+    options = replace(options, values=_values(options.side))
+    views = [plan_view(motion, options) for motion in SQUARES]
+    answers = None if options.dry_run else _Answers(options.measured, 2 * count * [kinds])
+    show(views)
+    if answers is None:
+        return
+    squares = []
+    for index in range(2 * count):
+        motion, view = SQUARES[index % 2], views[index % 2]
+        path = _drive(options, motion, view, f'{motion}_{index // 2 + 1}', MARK)
+        squares.append(odometry_fit.Square(path, Pose(*answers.ask(
+            f'Square {index + 1} of {2 * count}: where does it stand, as seen from where it '
+            'began?  Ahead, to the left, turned to the left, such as -0.12 m, 0.05 m, 3 deg',
+            kinds))))
     fit = odometry_fit.fit_umbmark(squares, track, known.scale)
     wheels, track_ratio = fit.closed_form
     rows: list[Row] = [
@@ -348,29 +346,19 @@ def _parse(answer: str, kinds: Sequence[Quantity]) -> list[float]:
     return [kind.parse(part.strip()) for part, kind in zip(parts, kinds, strict=True)]
 
 
-@contextlib.contextmanager
-def _motions(side: str) -> Iterator[tuple[str, str]]:
+def _values(side: str | None) -> tuple[tuple[str, str], ...]:
     """
-    Yield the names or paths of the clockwise and the counterclockwise square, in a block.
-
-    Those of another size than the package's are temporary files.
+    Return the values of the parameters of the squares, with their names.
 
     :raises UsageError: if the side length is invalid
     """
-    names = 'umbmark_cw', 'umbmark_ccw'
-    length = _size('side', side)
-    if not MIN_SIDE <= length <= MAX_SIDE:
-        raise UsageError(f'--side is {length:g} m; it must be from {MIN_SIDE:g} to {MAX_SIDE:g} m')
-    if side == SIDE:
-        yield names
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        files = [Path(folder) / f'{name}.yaml' for name in names]
-        for name, file in zip(names, files, strict=True):
-            text = find(name).text
-            assert text is not None
-            file.write_text(text.replace(SIDE, f'{length:g} m'), encoding='utf-8')
-        yield str(files[0]), str(files[1])
+    if side is None:
+        return ()
+    try:
+        find(SQUARES[0]).parameters['side'].value(side)
+    except UnitError as error:
+        raise UsageError(f'--side: {error}') from None
+    return (('side', side),)
 
 
 def _track(options: CalibrateOptions, profile: RobotProfile) -> float:
@@ -381,20 +369,16 @@ def _track(options: CalibrateOptions, profile: RobotProfile) -> float:
     """
     known = profile.odometry_calibration
     if options.track is not None:
-        return _size('track', options.track)
+        try:
+            return SIZE.parse(options.track)
+        except UnitError as error:
+            raise UsageError(f'--track: {error}') from None
     if known is not None and known.track is not None:
         return known.track
     if profile.is_kachaka:
         return KACHAKA_TRACK
     raise UsageError(
         "which track does the robot's odometry use?  Say it by --track, as in --track 0.2m")
-
-
-def _size(option: str, text: str) -> float:
-    try:
-        return SIZE.parse(text)
-    except UnitError as error:
-        raise UsageError(f'--{option}: {error}') from None
 
 
 def main(args: Sequence[str] | None = None) -> int:

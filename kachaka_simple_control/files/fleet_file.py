@@ -19,8 +19,9 @@ Each motion and each profile is read from its own file, at the path that the fle
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 import os
 from pathlib import PurePath
 import re
@@ -37,9 +38,12 @@ from kachaka_simple_control.files.document import (
     read_schema,
     UnreadableFileError,
 )
-from kachaka_simple_control.files.library import find
+from kachaka_simple_control.files.library import find, text_of
 from kachaka_simple_control.files.motion_file import MotionFile
+from kachaka_simple_control.files.motion_reader import read_all_parameters
+from kachaka_simple_control.files.parameters import assign
 from kachaka_simple_control.files.robot_profile import find_robot, KACHAKA, RobotProfile
+from kachaka_simple_control.files.schema_check import Schema
 from kachaka_simple_control.files.yaml_document import look_up, names_in, read_document
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.units import (
@@ -58,6 +62,14 @@ MAX_ROBOTS = 255
 DEFAULT_MARGIN = 0.1
 #: A name of a robot, which is also its namespace: the names of ROS have no double underscore.
 _NAME = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]*')
+
+
+@cache
+def fleet_schema() -> Schema:
+    """Return the JSON Schema of a fleet's file, without what the written one has for editors."""
+    schema = read_schema(SCHEMA)
+    robot = {key: part for key, part in schema['definitions']['robot'].items() if key != 'allOf'}
+    return {**schema, 'definitions': {**schema['definitions'], 'robot': robot}}
 
 
 class FleetFileError(FileError, UsageError):
@@ -153,7 +165,7 @@ def read_fleet(text: str, source: str) -> FleetFile:
     :raises FleetFileError: if the text is no valid fleet; a line for each problem
     """
     with FleetFileError.naming(source):
-        document = read_document(text, read_schema(SCHEMA))
+        document = read_document(text, fleet_schema())
         data = document.root.data if isinstance(document.root.data, dict) else {}
         found = data.get('robots')
         names = [*found] if isinstance(found, dict) else []
@@ -193,12 +205,10 @@ def _read_robot(document: Document, name: str, source: str) -> FleetRobot | None
     simulation = _read_simulation(document, [*path, 'simulation'])
     if document.root.at(path).has_problem:
         return None
-    data = document.root.at(path).data
-    try:
-        motion_file = find(beside(source, data['motion']))
-    except FileError as error:
-        _add_errors(document, [*path, 'motion'], error)
+    motion_file = _read_motion(document, path, source)
+    if motion_file is None:
         return None
+    data = document.root.at(path).data
     robot = beside(source, data['robot']) if 'robot' in data else (
         motion_file.robot or KACHAKA.name)
     key = 'robot' if 'robot' in data else 'motion'
@@ -213,6 +223,38 @@ def _read_robot(document: Document, name: str, source: str) -> FleetRobot | None
         rates.get('rate', motion_file.rate), simulation)
 
 
+def _read_motion(document: Document, path: KeyPath, source: str) -> MotionFile | None:
+    """Return the motion of a robot, with its values; None if it has problems, now recorded."""
+    data = document.root.at(path).data
+    name = beside(source, data['motion'])
+    # As text, so that a number without a unit is not taken for one in SI units.
+    given = {str(key): str(value) for key, value in data.get('with', {}).items()}
+    try:
+        return find(name, **given)
+    except FileError as error:
+        known = _add_value_problems(document, path, name, given)
+        _add_errors(document, [*path, 'motion'], error, known)
+    return None
+
+
+def _add_value_problems(
+        document: Document, path: KeyPath, name: str, given: Mapping[str, str]) -> set[str]:
+    """Record what is wrong with the values of a motion; return the texts."""
+    try:
+        source, text, kept = text_of(name)
+    except UnreadableFileError:
+        return set()
+    parameters = {parameter.name: parameter for parameter in read_all_parameters(text)}
+    _, problems = assign(parameters, {**kept, **given})
+    for key, problem in problems.items():
+        where = f' ({location(source, parameters[key].line)})' if key in parameters else ''
+        if key in given:
+            document.add_problem([*path, 'with', key], f'{problem}{where}')
+        else:
+            document.add_problem([*path, 'with'], f'{key!r} is missing: {problem}{where}')
+    return set(problems.values())
+
+
 def _read_simulation(document: Document, path: KeyPath) -> dict[str, float]:
     nodes = document.root.along(path)
     if len(nodes) <= len(path) or not isinstance(nodes[-1].data, dict):
@@ -225,7 +267,9 @@ def _read_simulation(document: Document, path: KeyPath) -> dict[str, float]:
     return {**ratios, **document.read_quantities(path, quantities)}
 
 
-def _add_errors(document: Document, path: KeyPath, error: FileError) -> None:
-    """Report each problem of another file at the line that names the file."""
+def _add_errors(
+        document: Document, path: KeyPath, error: FileError, known: Container[str] = ()) -> None:
+    """Report each problem of another file, whose text is not known, at the line that names it."""
     for problem in error.problems:
-        document.add_problem(path, problem.describe(error.source))
+        if problem.text not in known:
+            document.add_problem(path, problem.describe(error.source))

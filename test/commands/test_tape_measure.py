@@ -48,7 +48,7 @@ def run(tmp_path, monkeypatch, capsys):
     def drive(options):
         # The log is the motion: what odometry reports is what was planned.
         driven.append(options)
-        return find(options.motions[0]).motion
+        return find(options.motions[0], **dict(options.values)).motion
 
     def path(motion):
         limits = find_robot('kachaka').limits
@@ -134,7 +134,8 @@ def test_smaller_squares_are_those_of_the_library_with_another_side(run, tmp_pat
     found = find_robot(tmp_path / 'my_kachaka.yaml').odometry_calibration
     assert found.track == 0.3
     assert found.wheel_ratio - 1.0 == pytest.approx(0.006, rel=0.02)
-    assert not driven[0].motions[0].startswith('umbmark')
+    assert [(each.motions, each.values) for each in driven] == [
+        (('umbmark_cw',), (('side', '100 cm'),)), (('umbmark_ccw',), (('side', '100 cm'),))]
 
 
 def test_somebody_confirms_measures_and_may_mistype(run, tmp_path):
@@ -240,7 +241,7 @@ def test_without_an_answer_it_ends_and_writes_nothing(run, tmp_path, typed, coun
     (['umbmark', '--sim', '--robot', './own.yaml', '--track', '20 m'],
      'track is 20.0 m; it must be from 0.01 to 10 m'),
     (['umbmark', '--sim', '--robot', './own.yaml', '--side', '20 m'],
-     '--side is 20 m; it must be from 0.5 to 10 m'),
+     '--side: 20 m is above its largest, 10 m'),
     (['umbmark', '--sim', '--robot', './own.yaml', '--squares', '0'],
      '--squares is 0; it must be from 1 to 20'),
     (['umbmark', '--sim', '--robot', './own.yaml', '--measured', '1 m, 1 m',

@@ -29,6 +29,7 @@ from kachaka_simple_control.files.fleet_file import (
     read_fleet,
     SCHEMA,
 )
+from kachaka_simple_control.files.motion_schema import AMOUNT
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.fleet.fleet_plan import plan_fleet
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
@@ -50,6 +51,9 @@ BESIDE = {
     'long.yaml': 'steps:\n  - wait: 10 s\n  - wait: 100000 s\n',
     'gone_robot.yaml': 'robot: ./gone.yaml\nsteps: []\n',
     'fast_limits.yaml': 'limits: {max_linear_velocity: 2 m/s}\nsteps:\n  - forward: 1 m\n',
+    'side.yaml': 'parameters:\n  side: {default: 0.5 m, max: 4 m}\n  laps:\n'
+                 'steps:\n  - repeat: {times: $laps, steps: [forward: $side]}\n',
+    'bad_side.yaml': 'parameters:\n  side: {default: 0.5 parsec, max: 4 m}\nsteps: []\n',
     'robot2.yaml': 'extends: kachaka\nlimits: {max_linear_velocity: 0.2, '
                    'max_angular_velocity: 1}\ncalibration: {delay: 0.2 s}\n',
     'bad_robot.yaml': 'extends: kachaka\nlimits: {max_linear_velocity: fast, '
@@ -97,6 +101,35 @@ BROKEN: dict[str, tuple[str, list[tuple[int | None, str]]]] = {
         [(4, 'bad_robot.yaml:2: limits.max_linear_velocity')]),
     'a robot of a motion that is gone': ('robots:\n  r1: {motion: ./gone_robot.yaml}\n',
                                          [(2, 'robots.r1.motion: '), ]),
+    'a value above its largest': (
+        'robots:\n  r1:\n    motion: ./side.yaml\n    with:\n      laps: 2\n      side: 5 m\n',
+        [(6, 'robots.r1.with.side: 5 m is above its largest, 4 m (')]),
+    'a value without its unit': (
+        'robots:\n  r1: {motion: ./side.yaml, with: {side: 1, laps: 2}}\n',
+        [(2, 'robots.r1.with.side: 1 has no unit; a length needs one: write 1 cm or 1 m (')]),
+    'a value that is computed': (
+        'robots:\n  r1: {motion: ./side.yaml, with: {side: 2 * 1 m, laps: 2}}\n',
+        [(2, "robots.r1.with.side: '2 * 1 m'; it must be a number, or a number with a unit")]),
+    'a value that cannot be a count': (
+        'robots:\n  r1: {motion: ./side.yaml, with: {laps: 1.5}}\n',
+        [(2, 'robots.r1.motion: ')]),
+    'a parameter that a motion does not have, and one that is missing': (
+        'robots:\n  r1:\n    motion: ./side.yaml\n    with:\n      sid: 1 m\n',
+        [(4, "robots.r1.with: 'laps' is missing: it must be given: a value ("),
+         (5, "robots.r1.with.sid: there is no parameter 'sid'; did you mean 'side'?")]),
+    'a missing value where none is given': (
+        'robots:\n  r1:\n    motion: ./side.yaml\n',
+        [(2, "robots.r1.with: 'laps' is missing: it must be given: a value (")]),
+    'a value of a motion with errors': (
+        'robots:\n  r1: {motion: ./bad_side.yaml, with: {side: 1 deg}}\n',
+        [(2, 'with.side: 1 deg is an angle; it must be a length'),
+         (2, "bad_side.yaml:2: parameters.side.default: '0.5 parsec'; it must be")]),
+    'a value of the lesson': ('robots:\n  r1: {motion: lesson, with: {side: 1 m}}\n',
+                              [(2, 'robots.r1.motion: lesson: the lesson has no parameters')]),
+    'a value for a motion that is gone': (
+        'robots:\n  r1: {motion: ./gone.yaml, with: {side: 1 m}}\n', [(2, 'no such file')]),
+    'values that are none': ('robots:\n  r1: {motion: square, with: 1 m}\n',
+                             [(2, "with: '1 m'; it must be values by name, as in {side: 1 m}")]),
     'a name with a hyphen': ('robots:\n  r-1: {motion: square}\n', [(2, 'no ROS namespace')]),
     'a name with a digit first': ('robots:\n  1: {motion: square}\n', [(2, 'no ROS namespace')]),
     'a name with two underscores': ('robots:\n  r__1: {motion: square}\n',
@@ -226,6 +259,18 @@ def test_everything_is_read_in_si_units(fleet):
         'odometry_noise': 0.005, 'heading_noise': math.radians(1.0)})
 
 
+def test_a_motion_has_the_values_of_its_robot(fleet, tmp_path):
+    found = fleet('robots:\n  a: {motion: ./side.yaml, with: {side: 57 cm, laps: 2}}\n'
+                  '  b: {motion: square}\n')
+    one, two = (robot.motion_file for robot in found.robots)
+    [loop] = one.motion.steps
+    assert (loop.times, loop.steps[0].distance) == (2, 0.57)
+    assert (one.title, two.title) == ('side (side 57 cm, laps 2)', 'square')
+    with pytest.raises(FleetFileError) as refusal:
+        fleet('robots:\n  a: {motion: ./side.yaml, with: {side: 5 m, laps: 2}}\n')
+    assert str(refusal.value).endswith(f'4 m ({tmp_path}/side.yaml:2)')
+
+
 def test_the_robot_of_a_motion_is_that_of_the_fleet_unless_it_says_another(fleet, tmp_path):
     (tmp_path / 'sub').mkdir()
     (tmp_path / 'sub' / 'motion.yaml').write_text('robot: ../robot2.yaml\nsteps: []\n')
@@ -272,6 +317,11 @@ def test_as_many_robots_as_a_guardian_stops_are_read():
         f'  r{number}: {{motion: spin, start: {{x: {number} m}}}}\n'
         for number in range(MAX_ROBOTS))
     assert len(read_fleet(text, 'many.yaml').robots) == MAX_ROBOTS
+
+
+def test_the_schema_has_the_form_of_a_value():
+    values = read_schema(SCHEMA)['definitions']['robot']['properties']['with']
+    assert values['additionalProperties'].items() >= AMOUNT.items()
 
 
 def test_the_schema_has_every_error_of_the_simulated_robot():

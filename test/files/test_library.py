@@ -15,66 +15,81 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import product
 import math
 from pathlib import Path
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files import library as library_module
 from kachaka_simple_control.files.document import MotionFileError
-from kachaka_simple_control.files.library import find
+from kachaka_simple_control.files.library import find, library
 from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.files.motion_writer import dump
-from kachaka_simple_control.files.robot_profile import find_robot
-from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose
-from kachaka_simple_control.motion.steps import Arc, Forward, Move, Repeat, Step, Turn, Wait
+from kachaka_simple_control.files.robot_profile import find_robot, KACHAKA
+from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
+from kachaka_simple_control.motion.geometry import relative_to
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Move
 import pytest
+from simulated_drive import SimulatedDrive
 
 pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
-NAMES = ['calibration', 'circle', 'figure_eight', 'floor_straight', 'floor_turn', 'flowing_eight',
-         'lesson', 'spin', 'square', 'square_cw', 'straight', 'umbmark_ccw', 'umbmark_cw']
+#: How far ahead and to the left each ends, and how far it has turned [m, deg].
+ENDS = {
+    'calibration': (0, 0, 0), 'circle': (0, 0, 360), 'figure_eight': (0, 0, 0),
+    'floor_straight': (1, 0, 0), 'floor_turn': (0, 0, 360), 'flowing_eight': (0, 0, 0),
+    'lawn_mower': (0, 0, 0), 'lesson': (0.1, 0, 0), 'patrol': (0, 0, 4 * 360),
+    'spin': (0, 0, 360), 'square': (0, 0, 360), 'square_cw': (0, 0, -360),
+    'straight': (1, 0, 0), 'umbmark_ccw': (0, 0, 360), 'umbmark_cw': (0, 0, -360)}
 
 
-def drive(pose: Pose, steps: tuple[Step, ...]) -> Pose:
-    """Return where steps lead, by geometry alone."""
-    for step in steps:
-        if isinstance(step, Repeat):
-            for _ in range(step.times):
-                pose = drive(pose, step.steps)
-        elif isinstance(step, Forward):
-            pose = advance(pose, step.distance, 0.0)
-        elif isinstance(step, Turn):
-            pose = advance(pose, 0.0, step.angle)
-        elif isinstance(step, Arc):
-            length = abs(step.radius) * step.angle
-            pose = advance(pose, length, length / step.radius)
-        elif isinstance(step, Move):
-            pose = advance(
-                pose, step.linear_x * step.duration, step.angular_z * step.duration)
-        else:
-            assert isinstance(step, Wait)
-    return pose
-
-
-@pytest.mark.parametrize('name, end', [
-    ('calibration', (0, 0, 0)), ('circle', (0, 0, 360)), ('figure_eight', (0, 0, 0)),
-    ('floor_straight', (1, 0, 0)), ('floor_turn', (0, 0, 360)), ('flowing_eight', (0, 0, 0)),
-    ('lesson', (0.1, 0, 0)),
-    ('spin', (0, 0, 360)), ('square', (0, 0, 360)), ('square_cw', (0, 0, -360)),
-    ('straight', (1, 0, 0)), ('umbmark_ccw', (0, 0, 360)), ('umbmark_cw', (0, 0, -360))])
-def test_each_ends_where_its_name_says(name, end):
-    x, y, degrees = end
-    pose = drive(ORIGIN, find(name).motion.steps)
+@pytest.mark.parametrize('name', library())
+def test_each_ends_where_its_name_says(name):
+    x, y, degrees = ENDS[name]
+    pose = plan(find(name).motion, KACHAKA.limits, 10.0).pose
     assert (pose.x, pose.y, pose.theta) == pytest.approx((x, y, math.radians(degrees)), abs=1e-9)
 
 
-@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('name', sorted(ENDS))
 def test_each_has_its_name_and_a_description(name):
     file = find(name)
     assert file.motion.name == name
     assert file.motion.description.endswith('.')
     assert (file.robot, dict(file.limits)) == (None, {})
     assert loads(dump(file.motion)).motion == file.motion
+
+
+def at_bounds(name: str) -> Iterator[dict[str, str]]:
+    """Yield the smallest or largest values of a motion's parameters, each with each other."""
+    parameters = find(name).parameters.values()
+    bounds = [(one.smallest, one.largest) for one in parameters]
+    for values in product(*bounds):
+        yield {one.name: value.text for one, value in zip(parameters, values)}
+
+
+@pytest.mark.parametrize('name', sorted(ENDS))
+def test_each_is_planned_and_driven_at_the_bounds_of_its_parameters(name):
+    cases = [*at_bounds(name)]
+    for values in cases:
+        if name == 'lawn_mower' and (values['width'], values['spacing']) == ('20 cm', '1 m'):
+            with pytest.raises(MotionFileError, match=(
+                    r'repeat.times: .* is 0.1 with width 0.2 m, spacing 1 m; .* whole number')):
+                find(name, **values)
+            continue
+        file = find(name, **values)
+        planned = plan(file.motion, file.check(KACHAKA.limits, 'kachaka'), 10.0)
+        if values not in (cases[0], cases[-1]):
+            continue
+        drive = SimulatedDrive(
+            lateness=lambda _: 0.0, parameters=SimulationParameters(), odometry_period=1.0)
+        drive.drive(file.motion)
+        odometry = drive.close(rest=2.0).odometry
+        end = relative_to(odometry[0].pose, odometry[-1].pose)
+        assert (end.x, end.y) == pytest.approx((planned.pose.x, planned.pose.y), abs=0.02)
+        assert math.remainder(end.theta - planned.pose.theta, math.tau) == pytest.approx(
+            0.0, abs=math.radians(2.0))
 
 
 def test_the_lesson_has_the_steps_that_the_node_drives():
