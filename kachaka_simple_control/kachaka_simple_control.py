@@ -157,7 +157,7 @@ class KachakaSimpleControl(DriveNode):
             f'Movement completed: Forward={linear_x}, Rotation={angular_z}, '
             f'Time={duration} seconds')
 
-    def run(self, motion: Motion | Iterable[Step] | str | os.PathLike[str],
+    def run(self, motion: Motion | Iterable[Step] | str | os.PathLike[str] | MotionFile,
             limits: Limits | None = None, request: DriveRequest | None = None,
             rate: float | None = None) -> None:
         """
@@ -172,7 +172,8 @@ class KachakaSimpleControl(DriveNode):
         no drive follows at once, more zero velocities are sent, to make sure that the robot stops.
 
         :param motion: the motion, a list of steps, the name of a motion of the package such as
-            ``square``, or the path of a motion file, whose limits and rate are then the defaults
+            ``square``, the path of a motion file, or what ``find('square', side='1 m')`` returns,
+            with values of parameters; limits and rate of a file are then the defaults
         :param limits: the limits for the plan; None for the robot's limits
         :param request: the accepted request for this drive, if another thread has already called
             ``commander.request``; None to request the drive now
@@ -183,8 +184,7 @@ class KachakaSimpleControl(DriveNode):
         :raises RobotNotFoundError: if no robot receives the velocities; nothing has moved
         :raises ControlError: if the motion could not be completed; the robot was stopped
         """
-        if isinstance(motion, (str, os.PathLike)):
-            motion_file = self._find(motion)
+        if (motion_file := self._motion_file(motion)) is not None:
             motion, rate = motion_file.motion, motion_file.rate if rate is None else rate
             limits = limits or motion_file.check(
                 self.profile.planning_limits, self.profile.name, self.node_parameters.closed_loop,
@@ -221,16 +221,21 @@ class KachakaSimpleControl(DriveNode):
             f'Motion completed: {name}, {pluralize(len(driven.steps), "step")}, '
             f'{driven.duration:.3f} seconds{self._delay(driven)}')
 
-    def _find(self, name_or_path: str | os.PathLike[str]) -> MotionFile:
+    def _motion_file(self, motion: object) -> MotionFile | None:
         """
-        Read a motion that this node may drive.
+        Return a motion from a file, given by its name, its path or as such; None for another.
 
         :raises MotionFileError: if there is no such motion, or it is made for another robot or
             kind of control
         """
-        # Imported here: the lesson needs no YAML.
-        from kachaka_simple_control.files.library import find
-        motion_file, used = find(name_or_path), self.node_parameters
+        # Imported here: the lesson reads no file.
+        from kachaka_simple_control.files.motion_file import MotionFile
+        motion_file, used = motion, self.node_parameters
+        if isinstance(motion, (str, os.PathLike)):
+            from kachaka_simple_control.files.library import find
+            motion_file = find(motion)
+        if not isinstance(motion_file, MotionFile):
+            return None
         if motion_file.robot not in (None, used.robot):
             raise motion_file.error_at('robot', (
                 f'{quoted(str(motion_file.robot), 60)}, and this node drives {self.profile.name}: '

@@ -27,6 +27,12 @@ import shlex
 import sys
 from typing import Any, NoReturn
 
+from kachaka_simple_control.commands.motion_values import (
+    parameter_words,
+    value_argument,
+    values_problem,
+    WITH_HELP,
+)
 from kachaka_simple_control.control.end_check import EndTolerance
 from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
 from kachaka_simple_control.kachaka.program import (
@@ -48,6 +54,7 @@ EXAMPLES = """
 examples:
   kachaka_simple_control --sim                   the lesson, on a simulated robot
   kachaka_simple_control square --plan           what a motion will do
+  kachaka_simple_control square --with side=1m --plan
   kachaka_simple_control ./mine.yaml --sim --report run1
   kachaka_simple_control square --ros-args -p robot_timeout:=30
 """
@@ -70,6 +77,7 @@ class Options:
     The values of the command line options of ``kachaka_simple_control``; None if not given.
 
     :param motions: the names or files of motions; empty for the lesson
+    :param values: of parameters of the motions: names and texts
     :param robot: the name or file of the robot's profile
     :param closed_loop: whether odometry corrects the velocities
     :param watch: whether the robot is held before obstacles
@@ -88,6 +96,7 @@ class Options:
     """
 
     motions: tuple[str, ...] = ()
+    values: tuple[tuple[str, str], ...] = ()
     sim: bool = False
     robot: str | None = None
     rate: float | None = None
@@ -147,6 +156,7 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         from kachaka_simple_control.files.robot_profile import robots
         complete(parser, {
             'motions': lambda prefix, **_: [*library(), *paths(prefix, '.yaml', '.yml')],
+            'values': lambda parsed_args, **_: parameter_words(parsed_args.motions or ()),
             'robot': lambda prefix, **_: [*robots(), *paths(prefix, '.yaml', '.yml')],
             'floor_file': lambda prefix, **_: [*floors(), *paths(prefix, '.yaml', '.yml')],
             'plot': lambda prefix, **_: paths(prefix, '.png', '.svg', '.pdf'),
@@ -157,7 +167,8 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         from kachaka_simple_control.process.version import installed_version
         print(f'{NAME} {installed_version()}')
         raise SystemExit(DONE)
-    options = Options(motions=tuple(values.pop('motions')), **values)
+    options = Options(
+        motions=tuple(values.pop('motions')), values=tuple(values.pop('values')), **values)
     _check_combination(parser, options)
     return options
 
@@ -169,9 +180,10 @@ def _check_combination(parser: OneLineParser, options: Options) -> None:
                      'long to wait for a robot')
     if options.wait and options.repeat > 1:
         parser.error('--wait drives as often as it is asked to: leave out --repeat')
-    if options.pipe and (options.motions or options.wait or options.repeat > 1):
-        parser.error('--pipe takes its motions from standard input: leave out MOTION, --wait and '
-                     '--repeat')
+    if options.pipe and (
+            options.motions or options.values or options.wait or options.repeat > 1):
+        parser.error('--pipe takes its motions from standard input: leave out MOTION, --with, '
+                     '--wait and --repeat')
     if options.pipe and options.console:
         parser.error('--pipe is for another program; leave out --console, or use kachaka_console')
     _check_motions(parser, options)
@@ -187,6 +199,8 @@ def _check_motions(parser: OneLineParser, options: Options) -> None:
     """End the program with a message if a motion is none, or there are too many of them."""
     if ros := [word for word in options.motions if ':=' in word]:
         parser.error(f'{quoted(ros[0], 60)} is no motion; write ROS arguments after --ros-args')
+    if problem := values_problem(options.values, options.motions):
+        parser.error(problem)
     if options.motions and options.list and not options.plan and options.plot is None:
         parser.error('--list lists all motions: leave out MOTION, or show its plan with --plan')
     if len(options.motions) > 1 and not options.is_preview:
@@ -228,10 +242,12 @@ def _parser() -> OneLineParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Drive a motion, exactly timed; without a name, the seven movements of the '
                     'lesson.')
-    parser.takes_ros_arguments = True
+    parser.takes_ros_arguments, parser.value_option = True, '--with'
     add = parser.add_argument
     add('motions', nargs='*', metavar='MOTION',
         help='a motion that comes with the package (see --list), or the path of a file')
+    add('--with', action='append', type=value_argument, default=[], dest='values',
+        metavar='NAME=VALUE', help=WITH_HELP)
     add('--list', action='store_true',
         help='list the motions and robots that come with the package')
     add('--plan', action='store_true',

@@ -113,11 +113,10 @@ def drive(options: Options) -> DriveLog:
                 options, motion_file, robot_control.node_parameters, robot_control.profile)
             robot_control.event_bus.publish(session_started(
                 robot_control, _title(options, motion_file),
-                robot_control.robot.settings, command=options.command,
+                robot_control.robot.settings, motion_file, command=options.command,
                 has_keys=bool(keys) and terminal.is_keyboard(),
                 movement_count=_count_movements() if motion_file is None else None,
-                motion_source='' if motion_file is None else motion_file.source,
-                motion_text=None if motion_file is None else motion_file.text, floor=floor))
+                floor=floor))
             if factors := robot_control.speed.factors:
                 robot_control.event_bus.publish(
                     SpeedFactorChanged(time.monotonic(), dict(factors)))
@@ -203,8 +202,7 @@ def _console(
     if not options.console:
         return contextlib.nullcontext()
     from kachaka_simple_control.commands.console_beside import ConsoleBeside
-    return ConsoleBeside(
-        robot_control, options.robot, None if motion_file is None else motion_file.text, floor)
+    return ConsoleBeside(robot_control, options.robot, motion_file, floor)
 
 
 def _start_subscribers(
@@ -255,7 +253,8 @@ def _motion_file(options: Options) -> MotionFile | None:
     """
     motion_file = None
     if options.motions or options.wait:
-        motion_file = find(options.motions[0] if options.motions else 'lesson')
+        motion_file = find(
+            options.motions[0] if options.motions else 'lesson', **dict(options.values))
     settings = choose_settings(options, motion_file)
     profile = settings.profile
     if options.starts_bridge and not profile.is_kachaka:

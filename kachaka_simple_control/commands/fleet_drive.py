@@ -130,17 +130,17 @@ def _publish_start(
     plan, node = fleet.plan, fleet.node
     node.event_bus.publish(FleetStarted(
         plan.file.name, tuple(
-            FleetMember(robot.name, robot.fleet_robot.start, robot.order.motion.name)
+            FleetMember(
+                robot.name, robot.fleet_robot.start, robot.fleet_robot.motion_file.title)
             for robot in plan.robots),
         plan.file.repeat, plan.file.goes_on, plan.file.source, plan.file.text,
         tuple(near.text for near in plan.nearest)))
     for robot in plan.robots:
         driven = node.robots[robot.name]
         driven.publish(session_started(
-            node, robot.order.motion.name, driven.settings, command=options.command,
-            has_keys=has_keys, movement_count=plan.file.repeat,
-            motion_source=robot.fleet_robot.motion_file.source,
-            motion_text=robot.fleet_robot.motion_file.text, floor=floor))
+            node, robot.order.motion.name, driven.settings, robot.fleet_robot.motion_file,
+            command=options.command, has_keys=has_keys, movement_count=plan.file.repeat,
+            floor=floor))
 
 
 def _remote_control(

@@ -35,6 +35,7 @@ from kachaka_simple_control.motion.geometry import (
 )
 from kachaka_simple_control.motion.paths import sample_path, simplify
 from kachaka_simple_control.motion.plan import Plan
+from kachaka_simple_control.text import escaped
 
 #: How many points a planned path may have: the first number with which the report is short enough.
 MOST_POINTS = (300, 100, 30, 20, 10, 6, 2)
@@ -42,6 +43,8 @@ MOST_POINTS = (300, 100, 30, 20, 10, 6, 2)
 GRAIN = 0.005
 #: How many rounds the path of a robot shows that ends elsewhere than it starts.
 MOST_ROUNDS = 20
+#: The longest name of a motion, with the values of its parameters [characters].
+MAX_TITLE = 60
 #: A round that ends so near to its start ends there [m].
 SAME_PLACE = 1e-3
 
@@ -55,7 +58,8 @@ def fleet_report(plan: FleetPlan, floor: protocol.FloorMap | None = None) -> pro
         footprint = robot.profile.footprint
         corners = None if footprint is None else _rounded_points(footprint.corners())
         robots.append(protocol.FloorRobot(
-            robot.name, robot.order.motion.name, rounded(robot.fleet_robot.start),
+            robot.name, escaped(robot.fleet_robot.motion_file.title, MAX_TITLE),
+            rounded(robot.fleet_robot.start),
             round(robot.plan.duration, 3), (),
             None if corners is None else outlines.setdefault(corners, len(outlines))))
     report = protocol.Fleet(

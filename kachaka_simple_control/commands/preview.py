@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 import sys
+import textwrap
 
 from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.commands.cli import Options
@@ -31,7 +32,7 @@ from kachaka_simple_control.files.robot_profile import find_robot, robots
 from kachaka_simple_control.process.output import print_result
 from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.plan_plot import save_plot
-from kachaka_simple_control.report.text_tables import plan_table, terminal_columns
+from kachaka_simple_control.report.text_tables import plan_table, terminal_columns, WIDEST
 from kachaka_simple_control.ros.node_parameters import require_parameters_only
 
 
@@ -59,13 +60,23 @@ def preview(options: Options) -> None:
 
 
 def _listing(options: Options) -> str:
-    """Return a text with a line for each motion of the package, and one for each robot."""
-    rows = []
-    for name in library():
-        preview = plan_view(name, options)
-        rows.append((name, f'{preview.plan.duration:.1f} s', find(name).motion.description))
-    width = max(len(name) for name, _, _ in rows)
-    lines = [f'{name:{width}}  {duration:>8}  {text}' for name, duration, text in rows]
+    """Return a text with each motion of the package and its parameters, and with each robot."""
+    # Values are for the motions that are named, not for these.
+    options = replace(options, values=())
+    names = library()
+    width = max(map(len, names))
+    lines = []
+    for name in names:
+        preview, motion_file = plan_view(name, options), find(name)
+        head = f'{name:{width}}  {preview.plan.duration:>6.1f} s  '
+        indent = ' ' * len(head)
+        lines += textwrap.wrap(
+            motion_file.motion.description, WIDEST, initial_indent=head,
+            subsequent_indent=indent) or [head.rstrip()]
+        for parameter in motion_file.parameters.values():
+            text = ': '.join(filter(None, [str(parameter), parameter.description]))
+            lines += textwrap.wrap(
+                text, WIDEST, initial_indent=f'{indent}  ', subsequent_indent=f'{indent}    ')
     lines += ['', 'Robots, for --robot:']
     for name in robots():
         robot = find_robot(name)
@@ -81,10 +92,10 @@ def plan_view(name: str, options: Options) -> PlanView:
 
     What overrides the motion's file is printed to standard error, unless motions are listed.
 
-    :raises InvalidMotionError: if the motion is invalid or not found
+    :raises InvalidMotionError: if the motion is invalid or not found, or a value is wrong
     :raises UsageError: if an option is invalid
     """
-    motion_file = find(name)
+    motion_file = find(name, **dict(options.values))
     settings = choose_settings(options, motion_file)
     if not options.list:
         for line in describe_overrides(options, motion_file, settings):
@@ -92,5 +103,5 @@ def plan_view(name: str, options: Options) -> PlanView:
     profile = settings.profile
     order = order_of(options, motion_file, settings, profile)
     return PlanView(
-        order.motion.name, profile.name, order.plan, order.limits, profile.footprint,
+        motion_file.title, profile.name, order.plan, order.limits, profile.footprint,
         profile.laser if settings.watch else None)

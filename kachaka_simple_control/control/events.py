@@ -83,6 +83,8 @@ class SessionStarted:
     :param command: the command line; empty if there was none
     :param motion_source: the path of the motion file; empty if the motion is not from a file
     :param motion_text: the text of the motion file; None if the motion is not from a file
+    :param motion_values: what its parameters were given, by name, as text
+    :param motion_included: the text of each file that it includes, by name or path
     :param movement_count: how many motions the program will drive; None if unknown
     :param floor: what stands on the floor of a simulated robot, in the frame in which it starts;
         None if unknown
@@ -103,6 +105,8 @@ class SessionStarted:
     command: str = ''
     motion_source: str = ''
     motion_text: str | None = None
+    motion_values: Mapping[str, str] = field(default_factory=dict)
+    motion_included: Mapping[str, str] = field(default_factory=dict)
     movement_count: int | None = None
     has_keys: bool = False
     floor: Floor | None = None

@@ -21,6 +21,7 @@ from __future__ import annotations
 import __future__  # noqa: I100
 
 import ast
+from collections.abc import Mapping
 from importlib.resources import files
 import inspect
 import os
@@ -30,6 +31,12 @@ from kachaka_simple_control.files.document import MotionFileError, Node, Problem
 from kachaka_simple_control.files.motion_file import MotionFile
 from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.files.parameters import Given
+from kachaka_simple_control.files.report_file import (
+    motion_of_report,
+    read_json,
+    RecordedMotion,
+    SUFFIX,
+)
 from kachaka_simple_control.files.yaml_document import look_up, names_in
 from kachaka_simple_control.motion.steps import Motion, Move
 
@@ -45,7 +52,8 @@ def find(name_or_path: str | os.PathLike[str], /, **values: Given) -> MotionFile
 
     Only the motions that come with the package have a name.
 
-    :param name_or_path: a text without dots and slashes is a name; any other value is a path
+    :param name_or_path: a text without dots and slashes is a name; any other value is a path,
+        also of the file ``run.json`` of a report, whose motion is read as it was driven
     :param values: the values of its parameters, as text or in SI units
     :raises MotionFileError: if there is no such motion, the file cannot be read, or a value is
         wrong
@@ -55,8 +63,30 @@ def find(name_or_path: str | os.PathLike[str], /, **values: Given) -> MotionFile
             raise MotionFileError(LESSON, [Problem('the lesson has no parameters')])
         return _read_lesson()
     with MotionFileError.naming(os.fspath(name_or_path)):
+        motion = _recorded(os.fspath(name_or_path))
+        if motion is not None:
+            return motion.read(values)
         source, text = look_up(name_or_path, 'motions', library())
     return loads(text, source, values)
+
+
+def text_of(name_or_path: str) -> tuple[str, str, Mapping[str, str]]:
+    """
+    Return the source and the text of a motion, and the values that a report keeps with it.
+
+    :raises UnreadableFileError: if there is no such motion, or the file cannot be read
+    """
+    motion = _recorded(name_or_path)
+    return (*look_up(name_or_path, 'motions', library()), {}) if motion is None else motion[:3]
+
+
+def _recorded(path: str) -> RecordedMotion | None:
+    """Return the motion of a report; None if this is no JSON file, or a motion written as JSON."""
+    if not path.endswith(SUFFIX):
+        return None
+    data = read_json(path)
+    is_motion = isinstance(data, dict) and 'steps' in data and 'format' not in data
+    return None if is_motion else motion_of_report(data)
 
 
 LESSON = 'lesson'

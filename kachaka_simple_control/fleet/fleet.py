@@ -53,14 +53,14 @@ class Fleet(contextlib.AbstractContextManager['Fleet']):
     """
 
     def __init__(
-            self, robots: FleetPlan | Mapping[str, Motion | str | os.PathLike[str]],
+            self, robots: FleetPlan | Mapping[str, Motion | MotionFile | str | os.PathLike[str]],
             parameters: Mapping[str, Any] | None = None, *, sim: bool = False,
             floor: str | os.PathLike[str] | None = None, **node_options: Any) -> None:
         """
         Create the node, and call ``rclpy.init()`` if ROS is not initialized yet.
 
-        :param robots: a motion, its name or its file for each robot, by its ROS namespace; or the
-            plan of a fleet's file
+        :param robots: a motion, its name, its file or what ``find`` returns for each robot, by its
+            ROS namespace; or the plan of a fleet's file
         :param parameters: the parameters of each robot, as for ``KachakaSimpleControl``, but for
             ``robot``, ``rate`` and ``closed_loop``, which its motion says
         :param sim: whether to start simulated robots, which are visible only on this machine
@@ -144,5 +144,7 @@ class Fleet(contextlib.AbstractContextManager['Fleet']):
         self.close()
 
 
-def _motion_file(motion: Motion | str | os.PathLike[str]) -> MotionFile:
+def _motion_file(motion: Motion | MotionFile | str | os.PathLike[str]) -> MotionFile:
+    if isinstance(motion, MotionFile):
+        return motion
     return MotionFile(motion, motion.name) if isinstance(motion, Motion) else find(motion)

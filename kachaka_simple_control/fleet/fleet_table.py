@@ -78,7 +78,7 @@ def _row(robot: PlannedRobot) -> Row:
     plan = robot.plan
     return (
         *(one_line(name, MAX_NAME_WIDTH)
-          for name in (robot.name, robot.order.motion.name, robot.profile.name)),
+          for name in (robot.name, robot.fleet_robot.motion_file.title, robot.profile.name)),
         *_pose(robot.fleet_robot.start),
         format_fixed(plan.duration, 2), format_fixed(plan.length, 2), *_pose(robot.end),
         format_number(robot.order.rate),

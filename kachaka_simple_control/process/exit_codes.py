@@ -71,6 +71,8 @@ class OneLineParser(argparse.ArgumentParser):
         super().__init__(*args, **kwargs)
         #: what to write instead of an option that this parser does not have, by the option
         self.advice: dict[str, str] = {}
+        #: the option that takes words such as ``side=1m``; empty without one
+        self.value_option = ''
         #: whether the program takes ROS arguments after ``--ros-args``
         self.takes_ros_arguments = False
         # argparse itself takes a negative number for a value only if nothing follows the number.
@@ -95,6 +97,8 @@ class OneLineParser(argparse.ArgumentParser):
                 message += '; write ROS arguments after --ros-args'
             elif word in self.advice:
                 message += f'; {self.advice[word]}'
+            elif self.value_option and '=' in message and not word.startswith('-'):
+                message += f'; write {self.value_option} before each NAME=VALUE'
             else:
                 message += self._suggestion(word)
         self.exit(BAD_USAGE, f'{self.prog}: {escaped(message, 300)}\n')

@@ -23,19 +23,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-import errno
 from itertools import chain, combinations
-import json
 import math
-import os
 from pathlib import Path
-import stat
 from statistics import fmean, stdev
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.files.document import UnreadableFileError
+from kachaka_simple_control.files.report_file import (
+    FORMAT,
+    read_json,
+    recorded_motion,
+    RecordedMotion,
+)
 from kachaka_simple_control.motion.geometry import Point
-from kachaka_simple_control.report.json_export import FORMAT
 from kachaka_simple_control.report.map_plot import add_map, draw_legend, MAP_BOTTOM, MAP_LEFT
 from kachaka_simple_control.report.output_file import save_figure
 from kachaka_simple_control.report.plot_style import Colour, draw_figure, draw_line, LOOKS
@@ -45,8 +47,6 @@ from kachaka_simple_control.text import escaped, format_fixed, pluralize
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: The largest size of a file that is read [bytes]; the file of a long drive is much smaller.
-MAX_BYTES = 100_000_000
 #: The largest difference between the planned ends of drives of the same motion [m, rad].
 MAX_END_DIFFERENCE = 1e-6
 #: The colours of the drives in the plot.  If there are more drives, all have one colour.
@@ -81,6 +81,7 @@ class DriveEnd:
     :param paths: two paths as lists of points [m], with the keys ``planned`` and ``odometry``
     :param began: the time at which the drive began, as text; None if the report has none
     :param title: the title of the report; None if it has none
+    :param motion_file: None if no file named the motion
     """
 
     name: str
@@ -91,6 +92,7 @@ class DriveEnd:
     paths: dict[str, list[Point]]
     began: str | None
     title: str | None
+    motion_file: RecordedMotion | None = None
 
     def is_copy_of(self, other: DriveEnd) -> bool:
         """Return whether two reports are of the same drive."""
@@ -123,11 +125,10 @@ def read_drive(directory: Path) -> DriveEnd:
     """
     name = escaped(str(directory), 60)
     try:
-        data = json.loads(_read(directory / 'run.json'))
-    except OSError as error:
-        raise UsageError(f'{name}: no report is here: run.json: {error.strerror}') from None
-    except (ValueError, RecursionError):
-        raise UsageError(f'{name}: run.json is not that of a report') from None
+        data = read_json(directory / 'run.json')
+    except UnreadableFileError as error:
+        raise UsageError(
+            f'{name}: no report is here: run.json: {error.problems[0].text}') from None
     if isinstance(data, dict) and 'fleet' in data:
         raise UsageError(
             f'{name}: this is the report of a fleet, and only drives of one robot are compared')
@@ -136,25 +137,8 @@ def read_drive(directory: Path) -> DriveEnd:
             f'{name}: run.json is not that of a report of this version; drive once more')
     try:
         return _drive_end(name, data)
-    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError):
+    except (ArithmeticError, AttributeError, KeyError, TypeError, UnreadableFileError, ValueError):
         raise UsageError(f'{name}: run.json is not that of a report; it was edited') from None
-
-
-def _read(path: Path) -> bytes:
-    """
-    Return the content of a file as bytes.
-
-    :raises OSError: if the file cannot be read, is larger than MAX_BYTES, or is a device or a pipe
-    """
-    # Opening a pipe would block, and reading a device may never end.
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    with os.fdopen(descriptor, 'rb') as file:
-        status = os.fstat(descriptor)
-        if not stat.S_ISREG(status.st_mode):
-            raise OSError(errno.EINVAL, 'it is a device or a pipe, not a file')
-        if status.st_size > MAX_BYTES:
-            raise OSError(errno.EFBIG, f'it has more than {MAX_BYTES} bytes')
-        return file.read(MAX_BYTES)
 
 
 def _drive_end(name: str, data: dict[str, Any]) -> DriveEnd:
@@ -177,7 +161,7 @@ def _drive_end(name: str, data: dict[str, Any]) -> DriveEnd:
         raise ValueError('a path is empty')
     return DriveEnd(name, tuple(str(motion['name']) for motion in data['motions']), planned,
                     error, int(timing['late']) + int(timing['lost']), paths, data.get('began'),
-                    data.get('title'))
+                    data.get('title'), recorded_motion(data))
 
 
 def _finite(value: object) -> float:
@@ -206,7 +190,7 @@ def require_same(drives: Sequence[DriveEnd]) -> None:
 
     :param drives: the ends of the drives
     :raises UsageError: if there are fewer than two drives, if two reports are of the same drive,
-        or if the names of the motions or the planned end poses differ
+        or if the motions differ: their names, planned end poses, or what their files say
     """
     if len(drives) < 2:
         raise UsageError('two drives or more can be compared; name their reports')
@@ -216,10 +200,13 @@ def require_same(drives: Sequence[DriveEnd]) -> None:
                              'is always like itself')
     first = drives[0]
     for other in drives[1:]:
-        if other.motions != first.motions or any(
+        difference = None if first.motion_file is None or other.motion_file is None else (
+            first.motion_file.difference(other.motion_file))
+        if other.motions != first.motions or difference is not None or any(
                 abs(one - two) > MAX_END_DIFFERENCE
                 for one, two in zip(first.planned, other.planned)):
-            raise UsageError(f'{first.name} and {other.name} are drives of different motions')
+            why = f': {escaped(difference)}' if difference else ''
+            raise UsageError(f'{first.name} and {other.name} are drives of different motions{why}')
 
 
 def spread(drives: Sequence[DriveEnd]) -> Spread:

@@ -37,12 +37,12 @@ from kachaka_simple_control.analysis.summary import (
     SpeedInterval,
     Summary,
 )
+from kachaka_simple_control.control.events import SessionStarted
+from kachaka_simple_control.files.report_file import FORMAT
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.motion.paths import simplify
 from kachaka_simple_control.report.map_plot import path_lines
 
-#: Increases when a field is removed or changes its meaning; new fields may be added at any time.
-FORMAT = 1
 #: The number of decimal places of all numbers: nanometres and nanoseconds.
 DIGITS = 9
 
@@ -102,8 +102,7 @@ def fields(summary: Summary, recording: str | None) -> Fields:
         'title': None if session is None else session.title,
         'robot': None if session is None else session.robot,
         'command': None if session is None else session.command or None,
-        'motion_file': None if session is None or session.motion_text is None else {
-            'source': session.motion_source, 'text': session.motion_text},
+        'motion_file': None if session is None else motion_file(session),
         'began': None if began is None else began.isoformat(timespec='milliseconds'),
         'verdict': _outcome(summary),
         'duration': {'planned_s': summary.planned_duration, 'driven_s': summary.driven_duration},
@@ -130,6 +129,13 @@ def fields(summary: Summary, recording: str | None) -> Fields:
         'settings': {} if session is None else dict(session.settings),
         'versions': {} if session is None else dict(session.versions),
     }
+
+
+def motion_file(session: SessionStarted) -> Fields | None:
+    """Return what a drive keeps of the file of its motion, to drive it again; None without one."""
+    return None if session.motion_text is None else {
+        'source': session.motion_source, 'text': session.motion_text,
+        'values': dict(session.motion_values), 'included': dict(session.motion_included)}
 
 
 def start_datetime(summary: Summary) -> datetime | None:

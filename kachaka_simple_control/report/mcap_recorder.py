@@ -40,6 +40,7 @@ from kachaka_simple_control.control.events import (
 from kachaka_simple_control.files import cdr
 from kachaka_simple_control.motion.geometry import ORIGIN
 from kachaka_simple_control.motion.paths import sample_path
+from kachaka_simple_control.report.json_export import motion_file
 from kachaka_simple_control.report.output_file import CrashSafeFile, NEEDS_MCAP
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ FILE_NAME = 'run.mcap'
 #: The names of the nodes that publish the planned path and the speed factor: with one robot, and
 #: with several, below whose names the topics of each are.
 NODE, FLEET_NODE = 'kachaka_simple_control', 'kachaka_fleet'
+#: The name of the metadata that keep the file of a robot's motion.
+MOTION_FILE = 'motion_file'
 PATH_TOPIC, FACTOR_TOPIC, WATCH_TOPIC = 'planned_path', 'speed_factor', 'obstacle_watch'
 #: The largest size of a chunk in which messages are compressed and indexed [bytes].
 CHUNK_SIZE = 1 << 20
@@ -333,6 +336,11 @@ class McapRecorder:
         self._robots[robot] = _RobotRecorder(session, robot)
         for topic in self._robots[robot].topics.values():
             self._register(topic)
+        if (motion := motion_file(session)) is not None:
+            # The values of a record of metadata are texts.
+            self._writer.add_metadata(MOTION_FILE, {'robot': robot, **{
+                name: value if isinstance(value, str) else json.dumps(value)
+                for name, value in motion.items()}})
 
     def _create(self) -> None:
         # Imported here, because the report also works without mcap.

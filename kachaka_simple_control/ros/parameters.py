@@ -20,7 +20,7 @@ from dataclasses import asdict, dataclass, Field, fields
 from difflib import get_close_matches
 import platform
 import time
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.control.events import SessionStarted
 from kachaka_simple_control.control.timing import MAX_RATE, min_rate
@@ -44,6 +44,9 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.files.motion_file import MotionFile
 
 
 @dataclass(frozen=True)
@@ -152,12 +155,18 @@ def _number(name: str, unit: str, value: Any, bounds: tuple[float, float]) -> fl
 
 
 def session_started(
-        node: Node, title: str, settings: RobotSettings, **about: Any) -> SessionStarted:
+        node: Node, title: str, settings: RobotSettings, motion_file: MotionFile | None,
+        **about: Any) -> SessionStarted:
     """
-    Return the first event: the robot, its limits and topics, all settings and versions.
+    Return the first event: robot, limits, topics, settings, versions, and the motion's file.
 
+    :param motion_file: None if the motion is not from a file
     :param about: more fields of the event
     """
+    if motion_file is not None:
+        about = {**about, 'motion_source': motion_file.source, 'motion_text': motion_file.text,
+                 'motion_values': dict(motion_file.values),
+                 'motion_included': motion_file.included_texts}
     profile, names = settings.profile, settings.names
     return SessionStarted(
         title=title,

@@ -75,6 +75,11 @@ REFUSED = (
     '--corners 100000km', '--corners nan', '--corners=-inf', '--corners 1e999m', '--corners 5%',
     '--corners 0,5m', '--corners=', '--cornres 5cm', '--within 2', '--within 2cm,', '--within',
     '--plan --within 2cm',
+    # Values of parameters.
+    '--with side=1m', '--wait --with side=1m', '--list --with side=1m', '--pipe --with side=1m',
+    'square --with', 'square --with side', 'square --with =1m', 'square --with = --plan',
+    'square --with side=1m --with laps=2 --with side=2m', 'square side=1m',
+    'square --with side=1m laps=2',
 )
 
 
@@ -111,6 +116,13 @@ def test_a_tolerance_of_corners_is_a_length_or_0(text, metres):
     assert parse(['square', '--corners', text]).corners == metres
     assert parse(['square', '--plan', f'--corners={text}']).corners == metres
     assert parse(['square']).corners is None
+
+
+def test_a_value_of_a_parameter_is_what_follows_the_first_equals_sign():
+    words = ['--with', 'side=1m', 'square', '--with', 'laps = 2', '--with=a==b', '--with', 'b=']
+    assert parse(words).values == (('side', '1m'), ('laps', '2'), ('a', '=b'), ('b', ''))
+    assert parse(['./a=b.yaml', '--plan']).motions == ('./a=b.yaml',)
+    assert parse(['a=b.yaml', '--plan']).motions == ('a=b.yaml',)
 
 
 def test_the_version_is_that_of_the_package(capsys):

@@ -13,6 +13,7 @@
 # limitations under the License.
 """The command ``kachaka_compare``: its table and plot, and what it refuses."""
 
+from dataclasses import replace
 import json
 import math
 from pathlib import Path
@@ -23,6 +24,7 @@ import sys
 from golden import answers, compare
 from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.commands.compare import main
+from kachaka_simple_control.files.library import find
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Turn
 from kachaka_simple_control.report.comparison import read_drive, spread
@@ -39,9 +41,15 @@ def reports(tmp_path, monkeypatch):
     """Return a function that leaves the figures of a simulated drive in a directory."""
     monkeypatch.chdir(tmp_path)
 
-    def report(name, gain=1.0, motion=SQUARE, until=math.inf, **options):
+    def report(name, gain=1.0, motion=SQUARE, until=math.inf, values=None, **options):
         parameters = SimulationParameters(linear_gain=gain)
         simulated = SimulatedDrive(20.0, parameters=parameters, **options)
+        if values is not None:
+            file = find('square', **values)
+            motion = file.motion
+            simulated.publish(replace(
+                simulated.drive_log.session_started, motion_source=file.source,
+                motion_text=file.text, motion_values=dict(file.values)))
         simulated.drive(motion, until, 'stopped by a test' if until < math.inf else None)
         (tmp_path / name).mkdir()
         (tmp_path / name / 'run.json').write_text(run_json(Summary(simulated.close()), None))
@@ -122,12 +130,22 @@ def test_what_cannot_be_compared_is_refused_in_one_line(reports, run, tmp_path):
     compare('compare', answers(cases, refusal))
 
 
+def test_drives_of_a_motion_with_other_values_are_refused(reports, run):
+    """Both end where they began, and so do their names."""
+    for name, gain, side in (('a', 0.99, '20 cm'), ('b', 0.98, '0.2m'), ('c', 0.97, '0.3 m')):
+        reports(name, gain, values={'side': side})
+    assert run('a', 'b')[0] == 0
+    assert run('a', 'b', 'c') == (2, '', (
+        'kachaka_compare: a and c are drives of different motions: side is 20 cm and 0.3 m\n'))
+
+
 @pytest.mark.parametrize('change', [
     {'path': 7}, {'path': {'planned': [[1]]}}, {'path': {'planned': [[None, 'x']]}}, {'end': None},
     {'end': {'planned': {'x_m': 'x'}, 'odometry': {}}}, {'timing': {}}, {'verdict': []},
     {'motions': [None]}, {'timing': {'late': 'a', 'lost': 1}},
     {'path': {'planned': [[float('nan'), 0.0]]}}, {'path': {}},
-    {'path': {'planned': [[0.0, 0.0]]}}, {'path': {'planned': [[0.0, 0.0]], 'odometry': []}}])
+    {'path': {'planned': [[0.0, 0.0]]}}, {'path': {'planned': [[0.0, 0.0]], 'odometry': []}},
+    {'motion_file': {'text': 7}}])
 def test_a_report_that_was_edited_is_refused_in_one_line(reports, run, tmp_path, change):
     reports('a')
     data = json.loads((tmp_path / 'a' / 'run.json').read_text())

@@ -52,6 +52,7 @@ def blocked(folder: Path, name: str, error: str) -> dict[str, str]:
     ('square --pl', {'--plan', '--plot'}),
     ('square --plot ', {'runs/', 'plot.png'}), ('--robot gen', {'generic '}),
     ('--sim --floor cro', {'crossing '}),
+    ('square --with ', {'side=', 'laps='}), ('square --plan --with la', {'laps='}),
     ('--report r', {'runs/'})])
 def test_a_shell_is_told_what_a_word_may_become(typed, offered, tmp_path):
     """Without ROS, which takes long to import; what is no motion is not offered as one."""

@@ -84,6 +84,45 @@ def test_a_motion_ends_where_its_plan_says(tmp_path):
     assert_lines_of_the_end_came_once(started.text)
 
 
+def test_a_value_of_a_parameter_is_driven(tmp_path):
+    file = tmp_path / 'short.yaml'
+    file.write_text('parameters: {side: 5 m}\nsteps: [forward: $side / 2]')
+    with program([*COMMAND, str(file), '--sim', '--with', 'side=12cm'], tmp_path) as started:
+        assert started.end(40.0) == 0, started.text
+    assert final_pose(started.text)[0] == pytest.approx(0.06, abs=0.005)
+    assert 'forward 0.06 m' in started.text
+
+
+def test_a_motion_of_others_is_driven_with_values(tmp_path):
+    values = {'length': '50 cm', 'width': '0.6m', 'rounds': '1', 'looks': '0'}
+    words = [word for name, value in values.items() for word in ('--with', f'{name}={value}')]
+    with program([*COMMAND, 'patrol', *words, '--sim'], tmp_path) as started:
+        assert started.end(60.0) == 0, started.text
+    x, y, heading = final_pose(started.text)
+    assert (x, y) == pytest.approx((0.0, 0.0), abs=0.02)
+    assert heading == pytest.approx(0.0, abs=2.0)
+    assert 'step 8 of 9: forward 0.6 m' in started.text
+
+
+def test_a_report_is_driven_again_without_the_files_of_its_motion(tmp_path):
+    file = tmp_path / 'short.yaml'
+    file.write_text('parameters: {side: 5 m}\nsteps: [{forward: $side / 2}, '
+                    '{include: {motion: straight, with: {distance: -$side}}}]')
+    words = ['./short.yaml', '--with', 'side=12cm']
+    for name in ('one', 'two'):
+        command = [*COMMAND, *words, '--sim', '--report', name]
+        with program(command, tmp_path, tmp_path) as started:
+            assert started.end(60.0) == 0, started.text
+        file.unlink(missing_ok=True)
+        words = ['one/run.json']
+    one, two = (read_drive(tmp_path / name) for name in ('one', 'two'))
+    require_same([one, two])
+    assert one.motion_file == two.motion_file
+    assert one.motion_file.values == {'side': '12cm'}
+    assert list(one.motion_file.included) == ['straight']
+    assert two.planned.x == pytest.approx(-0.06)
+
+
 def test_a_table_that_cannot_be_printed_is_one_line_after_the_drive(tmp_path):
     file = tmp_path / 'short.yaml'
     file.write_text(SHORT)

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
 FLEET = """
 robots:
-  r1: {motion: ./ahead.yaml, start: {x: 1 m, y: 2 m, heading: 90 deg}}
+  r1: {motion: ./ahead.yaml, with: {far: 0.25 m}, start: {x: 1 m, y: 2 m, heading: 90 deg}}
 repeat: 3
 """
 
@@ -42,9 +42,10 @@ def test_it_has_the_paths_on_the_floor_and_each_outline_once():
 
 
 def test_it_shows_all_rounds_of_a_robot_that_does_not_come_back(tmp_path):
-    (tmp_path / 'ahead.yaml').write_text('steps: [forward: 0.25 m]\n')
+    (tmp_path / 'ahead.yaml').write_text('parameters: {far: }\nsteps: [forward: $far]\n')
     report = fleet_report(plan_fleet(read_fleet(FLEET, str(tmp_path / 'two.yaml'))))
     assert report.robots[0].path == ((1.0, 2.0), (1.0, 2.75))
+    assert report.robots[0].motion == 'ahead (far 0.25 m)'
 
 
 def test_the_largest_fleet_fits_a_line():

@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import re
 import signal
@@ -132,9 +133,10 @@ def test_a_motion_beyond_a_robot_is_refused_with_its_line(lab, capsys, tmp_path)
 
 
 @with_ros
-def test_it_drives_all_from_one_t0_and_leaves_them_at_rest(lab):
+def test_it_drives_all_from_one_t0_and_leaves_them_at_rest(lab, tmp_path):
     """Simulated ones, in one process; generous for a busy machine: the benchmark says 5 ms."""
-    with listeners(*NAMES) as heard, fleet(lab, '--sim', '--quiet') as started:
+    words = ['--sim', '--quiet', '--report', tmp_path / 'report']
+    with listeners(*NAMES) as heard, fleet(lab, *words) as started:
         assert started.end(60.0) == 0, started.text
         first = [one.wait_for(lambda velocity: velocity.moves).time for one in heard.values()]
         assert max(first) - min(first) < 0.1
@@ -143,6 +145,9 @@ def test_it_drives_all_from_one_t0_and_leaves_them_at_rest(lab):
             assert driven == pytest.approx(0.6, abs=0.03)
             assert not one.received[-1].moves
     assert 'ready: 3 simulated robots: one, two, three' in started.text
+    robots = json.loads((tmp_path / 'report' / 'run.json').read_text())['robots']
+    assert {name: robot['motion_file']['text'] for name, robot in robots.items()} == (
+        dict.fromkeys(NAMES, OUT))
 
 
 @with_ros

@@ -84,6 +84,45 @@ def test_the_list_names_each_robot_with_its_limits(capsys):
     assert '0.3 m/s, 1.57 rad/s, a laser\n' in text
 
 
+def test_a_plan_has_the_values_of_parameters_in_it_and_in_its_title(capsys):
+    plan = planned('square', '--with', 'side=57cm', '--with', 'laps=2')
+    assert [step.step.distance for step in plan.steps[::2]] == 8 * [0.57]
+    code, output, _ = call(main, ['square', 'square_cw', '--plan', '--with', 'side=1 m'], capsys)
+    assert code == 0
+    assert 'square (side 1 m) on kachaka' in output
+    assert 'square_cw (side 1 m) on kachaka' in output
+    assert output.count('forward 1 m') == 8
+
+
+def test_a_value_that_a_motion_cannot_have_is_refused_with_its_line(tmp_path, capsys):
+    (tmp_path / 'mine.yaml').write_text(
+        'parameters: {side: {max: 4 m}, laps: 2}\nsteps: [forward: $side]')
+    mine = f'{tmp_path}/mine.yaml'
+    for words, lines in (
+            ([], [f'{mine}:1: parameters.side: it must be given: a length, at most 4 m']),
+            (['side=5m'], [f'{mine}:1: parameters.side: 5m is above its largest, 4 m']),
+            (['sid=1m', 'side=5m', 'lap=1'], [
+                f"{mine}: there is no parameter 'sid'; did you mean 'side'?",
+                f"{mine}: there is no parameter 'lap'; did you mean 'laps'?",
+                f'{mine}:1: parameters.side: 5m is above its largest, 4 m'])):
+        code, output, errors = call(
+            main, [mine, '--plan', *(f'--with={word}' for word in words)], capsys)
+        assert (code, output, errors.splitlines()) == (2, '', lines)
+    code, _, errors = call(main, ['square', 'lesson', '--plan', '--with', 'side=1m'], capsys)
+    assert (code, errors) == (2, 'kachaka_simple_control: lesson: the lesson has no parameters\n')
+
+
+def test_the_list_has_the_parameters_below_each_motion_in_99_columns(capsys):
+    assert main(['--list', '--plan', 'square', '--with', 'side=1m']) == 0
+    listed, _, planned_text = capsys.readouterr().out.partition('Robots, for --robot:')
+    lines = listed.splitlines()
+    assert max(map(len, lines)) <= 99
+    place = next(place for place, line in enumerate(lines) if line.startswith('square '))
+    assert lines[place].split()[1:3] == ['17.6', 's'], 'the value is for the plan alone'
+    assert 'side 0.5 m (20 cm to 4 m): of the square' in lines[place + 1]
+    assert '\nsquare (side 1m) on kachaka' in planned_text
+
+
 def test_a_plan_with_a_watch_says_so_once_and_refuses_what_is_not_seen(cut, tmp_path, capsys):
     said = 'Watched: the laser sees 270 deg around ahead; holds before what is nearer than 5 cm to'
     for words in ([cut, '--watch'], [cut, 'square', '--ros-args', '-p', 'watch:=true']):

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import os
 
-from kachaka_simple_control import Forward, InvalidMotionError, Motion, UsageError
+from kachaka_simple_control import find, Forward, InvalidMotionError, Motion, UsageError
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.process.processes import is_running
 from optional_libraries import optional_imports
@@ -61,6 +61,11 @@ def test_each_drives_its_motion_and_nothing_is_left(simulated):
     assert ends['two'].x == pytest.approx(-0.1, abs=0.03)
     assert children
     assert wait_until(lambda: not any(map(is_running, children)))
+
+
+def test_a_motion_may_have_values_of_parameters(simulated):
+    fleet = simulated({'one': OUT, 'two': find('straight', distance='25 cm')})
+    assert [robot.end.x for robot in fleet.plan.robots] == pytest.approx([0.2, 0.25])
 
 
 def test_robots_have_the_floor_that_the_program_names(simulated, tmp_path):

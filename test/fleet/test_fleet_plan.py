@@ -85,6 +85,15 @@ def test_robots_that_drive_the_same_share_one_plan():
     assert three is not one
 
 
+def test_robots_with_the_same_values_share_one_plan():
+    plan = fleet('robots:\n' + ''.join(
+        f'  r{number}: {{motion: square, with: {{{values}}}, start: {{x: {9 * number} m}}}}\n'
+        for number, values in enumerate(['side: 1 m', 'side: 1 m', 'side: 2 m', ''])))
+    orders = [robot.order for robot in plan.robots]
+    assert orders[0] is orders[1]
+    assert [order.plan.length for order in orders] == pytest.approx([4.0, 4.0, 8.0, 2.0])
+
+
 def test_the_end_is_on_the_floor_of_all():
     _, straight = fleet(PAIR).robots
     assert straight.end.x == pytest.approx(0.6)
@@ -292,6 +301,15 @@ def test_a_table_fits_into_80_columns(count, motion):
         assert max(map(len, lines)) <= (width or 99)
         assert sum('robot_' in line and 'Near' not in line for line in lines) >= count
         assert len(lines) <= count + 40
+
+
+def test_a_table_has_the_values_of_parameters_beside_the_motion():
+    text = PAIR.replace('motion: square', 'motion: square, with: {side: 1 m, laps: 2}')
+    [line] = [line for line in fleet_table(fleet(text)).splitlines() if line.startswith('r1 ')]
+    assert line.removeprefix('r1').strip().startswith('square (side 1 m, laps 2)  ')
+    alike = text.replace('motion: straight', 'motion: square, with: {side: 1 m, laps: 2}')
+    assert fleet_table(fleet(alike)).startswith(
+        'fleet: 2 robots, square (side 1 m, laps 2), kachaka, 10 Hz\n')
 
 
 def test_long_names_do_not_make_a_table_wide():

@@ -202,6 +202,28 @@ def test_the_file_has_its_metadata(tmp_path):
         assert 'message_count: 4' in metadata.metadata['serialized_metadata']
 
 
+def test_the_file_of_a_motion_is_kept_before_the_robot_moves(tmp_path):
+    """Of each robot, with values and included texts, in a file without an end, too."""
+    make_reader = pytest.importorskip('mcap.reader').make_reader
+    recorder = McapRecorder(tmp_path)
+    for name in ('r1', 'r2'):
+        recorder.on_event(RobotEvent(name, replace(
+            TWIST, motion_source=f'{name}.yaml', motion_text='steps: []\n',
+            motion_values={'side': '1 m'}, motion_included={'square': 'steps: []'})))
+    recorder.on_event(RobotEvent('r1', of_plan(10.0)))
+    recorder.flush(10.0)
+    with (tmp_path / 'run.mcap').open('rb') as stream:
+        kept = [one.metadata for one in make_reader(stream).iter_metadata()
+                if one.name == 'motion_file']
+    assert recorder.finish() is None
+    assert kept == [{
+        'robot': name, 'source': f'{name}.yaml', 'text': 'steps: []\n',
+        'values': '{"side": "1 m"}', 'included': '{"square": "steps: []"}'}
+        for name in ('r1', 'r2')]
+    for read in READERS:
+        assert velocities(read(tmp_path / 'run.mcap'), TWIST)
+
+
 def test_a_minute_at_50_hz_takes_little_space(tmp_path):
     """And so does an hour: 36 MB at most."""
     drive = RecordedDrive(tmp_path)

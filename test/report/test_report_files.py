@@ -35,6 +35,7 @@ from kachaka_simple_control.control.events import (
     VelocitySent,
 )
 from kachaka_simple_control.motion.geometry import Pose, relative_to, Velocity, ZERO
+from kachaka_simple_control.motion.include import Include
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Move, Repeat, Turn
 from kachaka_simple_control.report.html_page import render_page
@@ -119,16 +120,22 @@ def test_the_limits_that_the_motion_was_planned_with_are_shown(tmp_path):
 
 def test_a_report_says_how_to_drive_it_again(tmp_path):
     log = done()
-    text = 'name: <again>\nsteps:\n  - forward: 0.5 m\n'
+    text = 'name: <again>\nparameters: {side: 1 m}\nsteps:\n  - include: ./part.yaml\n'
+    included = {'./part.yaml': 'steps: []  # <part>'}
     log.session_started = replace(
         log.session_started, command="kachaka_simple_control 'my file.yaml' --rate 20",
-        motion_source='my file.yaml', motion_text=text)
+        motion_source='my file.yaml', motion_text=text, motion_values={'side': '<0.5 m>'},
+        motion_included=included)
     write_report(log, tmp_path, None)
     told = json.loads((tmp_path / 'run.json').read_text())
     assert told['command'] == "kachaka_simple_control 'my file.yaml' --rate 20"
-    assert told['motion_file'] == {'source': 'my file.yaml', 'text': text}
+    assert told['motion_file'] == {
+        'source': 'my file.yaml', 'text': text, 'values': {'side': '<0.5 m>'},
+        'included': included}
     page = (tmp_path / 'report.html').read_text()
-    assert html.escape(text, quote=False) in page
+    for shown in (text, './part.yaml', included['./part.yaml']):
+        assert html.escape(shown, quote=False) in page
+    assert re.search('<th scope="row">side</th><td>&lt;0.5\\sm&gt;</td>', page)
     assert 'my file.yaml&#39; --rate 20' in page
 
 
@@ -215,6 +222,12 @@ def step_tables(log):
     shown, _, rest = section.partition('<details class="rows"><summary>')
     return [[' '.join(shown_texts(f'</style>{row}').split()) for row in re.findall(
         r'<tr.*?</tr>', part, re.DOTALL) if '<td' in row] for part in (shown, rest)]
+
+
+def test_a_step_of_an_included_motion_has_its_name():
+    part = Include([Forward(0.01)], 'part')
+    rows, _ = step_tables(many_steps(part, Forward(0.01)))
+    assert ['part: forward' in row for row in rows] == [True, False]
 
 
 def test_repeated_steps_are_folded_and_can_be_unfolded():

@@ -29,6 +29,7 @@ from kachaka_simple_control.errors import (
     RunFaultError,
     UsageError,
 )
+from kachaka_simple_control.files.library import find
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Move
 from kachaka_simple_control.process.processes import is_running
@@ -64,6 +65,21 @@ def test_a_name_a_path_and_a_list_of_steps_are_motions(listener, make, tmp_path)
     assert driven[1].time - driven[0].time == pytest.approx(0.05, abs=0.03)
     with pytest.raises(InvalidMotionError, match='there is no motion of this name'):
         node.run('sqare')
+
+
+@pytest.mark.needs('yaml', 'jsonschema')
+def test_a_motion_that_was_found_with_values_is_driven_as_its_file_says(listener, make, tmp_path):
+    file = tmp_path / 'slow.yaml'
+    file.write_text('limits: {max_linear_velocity: 0.05 m/s}\nparameters: {side: 1 m}\n'
+                    'steps: [forward: $side]\n')
+    node = make()
+    node.run(find(file, side='2 cm'))
+    moves = listener.moves()
+    assert sum(move.linear_x * move.duration for move in moves) == pytest.approx(0.02, abs=0.005)
+    assert max(move.linear_x for move in moves) <= 0.05
+    file.write_text('robot: turtlebot3\nsteps: []\n')
+    with pytest.raises(InvalidMotionError, match='and this node drives kachaka: leave it out'):
+        node.run(find(file))
 
 
 @pytest.mark.needs('yaml', 'jsonschema')
