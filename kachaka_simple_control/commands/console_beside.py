@@ -24,6 +24,7 @@ from kachaka_simple_control.commands.remote_commands import RemoteCommands
 from kachaka_simple_control.commands.remote_reports import ReportWriter
 from kachaka_simple_control.errors import TORNADO_MISSING, UsageError
 from kachaka_simple_control.files import protocol
+from kachaka_simple_control.files.motion_file import MotionFile
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
 from kachaka_simple_control.motion.floor import Floor
 from kachaka_simple_control.process.processes import child_environment, python_command
@@ -40,14 +41,14 @@ class ConsoleBeside(RemoteCommands):
     The console is a child process: if it ends, the drive goes on, because it began in a terminal.
 
     :param robot: for the plans that the page shows; None for the default
-    :param motion_text: the text of the motion file, whose plan the page draws; None without a file
+    :param motion_file: the motion, whose plan the page draws; None without a file
     :param floor: what stands on the floor of a simulated robot; None if unknown
     :raises UsageError: if tornado is missing, or if the console does not start
     """
 
     def __init__(
             self, robot_control: KachakaSimpleControl, robot: str | None,
-            motion_text: str | None, floor: Floor | None = None) -> None:
+            motion_file: MotionFile | None, floor: Floor | None = None) -> None:
         if importlib.util.find_spec('tornado') is None:
             raise UsageError(TORNADO_MISSING)
         commands, for_console = os.pipe()
@@ -61,7 +62,7 @@ class ConsoleBeside(RemoteCommands):
             env=child_environment(), pass_fds=(from_drive, for_console))
         for file in (from_drive, for_console):
             os.close(file)
-        self._motion_text = motion_text
+        self._motion_file = motion_file
         super().__init__(robot_control, commands, ReportWriter(reports))
         self._writer.floor = floor
 
@@ -73,8 +74,10 @@ class ConsoleBeside(RemoteCommands):
             raise UsageError('the console has not started, so nothing was driven')
         self._robot_control.get_logger().info(f'Console: {link}')
         self.start()
-        if self._motion_text is not None:
-            self._writer.write(protocol.MotionText(self._motion_text))
+        file = self._motion_file
+        if file is not None and file.text is not None:
+            self._writer.write(protocol.MotionText(
+                file.text, file.source, file.values, file.included_texts))
         return self
 
     def __exit__(self, *error: object) -> None:

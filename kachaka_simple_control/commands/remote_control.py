@@ -44,8 +44,9 @@ from kachaka_simple_control.errors import (
     MotionRunningError,
 )
 from kachaka_simple_control.files import protocol
+from kachaka_simple_control.files.included_texts import find_among
 from kachaka_simple_control.files.motion_file import MotionFile
-from kachaka_simple_control.files.motion_reader import loads
+from kachaka_simple_control.files.motion_reader import find_included, loads
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
 from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.geometry import Velocity
@@ -170,7 +171,9 @@ class RemoteControl(RemoteCommands):
         :raises InvalidMotionError: if the robot cannot drive the motion
         """
         robot = self._robot_control
-        motion_file = loads(command.text, command.name)
+        motion_file = loads(
+            command.text, command.name, command.values,
+            find_included if command.included is None else find_among(command.included))
         if motion_file.robot not in (None, robot.node_parameters.robot):
             raise motion_file.error_at('robot', (
                 f'{quoted(motion_file.robot, 60)}, and this is {robot.profile.name}: leave it '

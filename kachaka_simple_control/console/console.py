@@ -29,7 +29,7 @@ from kachaka_simple_control.console.base_console import (
     ONLY_LOOK,
     Outcome,
 )
-from kachaka_simple_control.console.folder import Folder, FolderError
+from kachaka_simple_control.console.folder import file_name, Folder, FolderError
 from kachaka_simple_control.console.lease import HandLease, IDLE_TIME
 from kachaka_simple_control.console.open_pages import OpenPage, Page
 from kachaka_simple_control.console.page_protocol import (
@@ -195,7 +195,7 @@ class Console(BaseConsole):
         return had_it
 
     async def _run(self, page: Page, message: RunMotion) -> None:
-        text, name = message.text, message.name or 'motion.yaml'
+        text, name = message.text, file_name(message.name)
         if text is None and message.name is None:
             self._answer(page, message, (False, 'a name or a text is needed'))
             return
@@ -209,14 +209,17 @@ class Console(BaseConsole):
         if self.lease.holder is not page:
             self._answer(page, message, (False, NO_LEASE))
             return
-        answer = self.drive.request(Run(0, text, name))
+        # With the texts that it includes, the drive process reads no file.
+        run = Run(0, text, name, message.values, message.included)
+        answer = self.drive.request(run)
         self._answer_later(page, message, answer)
         if (await answer).is_done:
-            await self._show_plan(text)
+            await self._show_plan(run)
 
-    async def _show_plan(self, text: str) -> None:
+    async def _show_plan(self, motion: Run | MotionText) -> None:
         """Send each page the plan of the motion that has begun."""
-        if (plan := await self._work.plan(text)) is not None:
+        ask = AskPreview(0, motion.text, motion.name, motion.values, motion.included)
+        if (plan := await self._work.plan(ask)) is not None:
             self._driven = Driven(plan)
             self.pages.send(self._driven)
 
@@ -237,7 +240,7 @@ class Console(BaseConsole):
             case Sent():
                 self._recorder.take(report.segments, self.lease.holder)
             case MotionText():
-                self._work.spawn(self._show_plan(report.text))
+                self._work.spawn(self._show_plan(report))
             case Robot():
                 self._robot = report
                 self.pages.send(report)

@@ -298,7 +298,7 @@ def _console(
         folder = Folder(options.folder)
     except FolderError as error:
         raise ExitError(BAD_USAGE, error) from None
-    return Console(make_drive, folder, PreviewWorker(options.robot), reports)
+    return Console(make_drive, folder, PreviewWorker(options.robot, folder), reports)
 
 
 def _server(

@@ -18,7 +18,7 @@ from __future__ import annotations
 import contextlib
 from importlib.resources import files
 import os
-from pathlib import Path
+from pathlib import Path, PurePath
 import re
 import secrets
 import stat
@@ -39,6 +39,11 @@ MAX_NAME = 100
 MAX_FILES = 500
 #: The longest text of a motion, so that it fits into a message, also escaped [bytes].
 MAX_TEXT = MAX_SIZE - 4000
+
+
+def file_name(name: str | None) -> str:
+    """Return the name that a page gives a text, without a folder; ``motion.yaml`` for none."""
+    return PurePath(name or '').name or 'motion.yaml'
 
 
 class FolderError(ControlError):
@@ -69,6 +74,11 @@ class Folder:
             except OSError as error:
                 raise FolderError(
                     f'the folder {quoted(path, 200)} cannot be opened: {error.strerror}') from None
+
+    @property
+    def handle(self) -> int | None:
+        """Return the file descriptor of the folder; None without a folder."""
+        return self._folder
 
     def close(self) -> None:
         """Close the folder."""

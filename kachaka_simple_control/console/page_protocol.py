@@ -31,7 +31,7 @@ Tested by test/files/test_protocol.py.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
 from kachaka_simple_control.files.messages import by_type, from_json, Message
@@ -92,19 +92,32 @@ class RunMotion(Request):
     :param name: the name of a motion of the package, or of a file in the folder; with a text, only
         the name that errors and the state show
     :param text: the text of a motion file; None to drive the motion of the name
+    :param values: of its parameters, by name
+    :param included: as its ``preview`` says, so that what is driven is what was planned
     """
 
     TYPE: ClassVar[str] = 'run'
     name: str | None = None
     text: str | None = None
+    values: Mapping[str, str] = field(default_factory=dict)
+    included: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class AskPreview(Request):
-    """Check the text of a motion file and plan it; a newer one replaces one that still waits."""
+    """
+    Check the text of a motion file and plan it; a newer one replaces one that still waits.
+
+    :param name: of the file, for messages
+    :param values: of its parameters, by name; one that the text does not have is left out
+    :param included: the texts of the files that it includes; None: those of the folder
+    """
 
     TYPE: ClassVar[str] = 'preview'
     text: str
+    name: str = 'motion.yaml'
+    values: Mapping[str, str] = field(default_factory=dict)
+    included: Mapping[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -222,11 +235,30 @@ class LineError:
     """
     A problem in the text of a motion.
 
-    :param line: the line, from 1; None if it is about the whole text
+    :param line: the line, from 1, for a problem in an included file that of the include; None if
+        it is about the whole text
+    :param parameter: the name of the parameter whose value is missing or wrong; None if it is
+        about something else
     """
 
     line: int | None
     text: str
+    parameter: str | None = None
+
+
+@dataclass(frozen=True)
+class MotionParameter:
+    """
+    A parameter of a motion.
+
+    :param default: its value if none is given; None if one must be given
+    :param bounds: as text, such as ``20 cm to 4 m``; empty without bounds
+    """
+
+    name: str
+    description: str
+    default: str | None
+    bounds: str
 
 
 @dataclass(frozen=True)
@@ -252,12 +284,16 @@ class Preview(Message):
 
     :param errors: the problems of the text; empty if it can be driven
     :param plan: the plan; None if there are errors
+    :param parameters: also those of a text with errors
+    :param included: the texts of the files of the folder that it includes, by name
     """
 
     TYPE: ClassVar[str] = 'preview'
     id: Id  # noqa: A003
     errors: tuple[LineError, ...]
     plan: Plan | None
+    parameters: tuple[MotionParameter, ...] = ()
+    included: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

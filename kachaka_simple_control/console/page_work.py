@@ -94,9 +94,9 @@ class PageWork:
         """
         return await in_thread(partial(self._folder.read, name))
 
-    async def plan(self, text: str) -> Plan | None:
+    async def plan(self, ask: AskPreview) -> Plan | None:
         """Return the plan of a motion; None if it has none, or there is no time for it."""
-        return (await self._previews.preview(AskPreview(0, text))).plan
+        return (await self._previews.preview(ask)).plan
 
     def _ask_preview(self, page: Page, ask: AskPreview) -> None:
         old = self._asked.get(page)

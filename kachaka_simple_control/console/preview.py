@@ -21,17 +21,27 @@ meanwhile, not even a stop.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 import contextlib
 import subprocess
 import sys
 
-from kachaka_simple_control.console.page_protocol import AskPreview, LineError, Plan, Preview
+from kachaka_simple_control.console.folder import file_name, Folder
+from kachaka_simple_control.console.folder_includes import FolderIncludes
+from kachaka_simple_control.console.page_protocol import (
+    AskPreview,
+    LineError,
+    MotionParameter,
+    Plan,
+    Preview,
+)
 from kachaka_simple_control.errors import ControlError
-from kachaka_simple_control.files.document import FileError, is_path
+from kachaka_simple_control.files.document import FileError, format_path, is_path, Problem
+from kachaka_simple_control.files.included_texts import find_among
 from kachaka_simple_control.files.messages import from_json, to_json
 from kachaka_simple_control.files.motion_file import MotionFile
-from kachaka_simple_control.files.motion_reader import loads
+from kachaka_simple_control.files.motion_reader import loads, read_all_parameters
+from kachaka_simple_control.files.parameters import assign, Parameter
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.motion.paths import floor_area, sample_path
 from kachaka_simple_control.process.processes import (
@@ -51,34 +61,66 @@ DEFAULT_RATE = 10.0
 LINE_LIMIT = 1_000_000
 
 
-def preview(number: int, text: str, robot: str | None = None, name: str = 'motion') -> Preview:
+def preview(ask: AskPreview, folder: Folder, robot: str | None = None) -> Preview:
     """
     Check the text of a motion, and plan it as an open loop.
 
+    :param folder: has the files that it may include
     :param robot: the name or the path of the robot's profile; None for what the text says
     """
+    # A text of a page must not make the console read any path that it likes.
+    includes = FolderIncludes(folder, ask.text)
+    name, find = (file_name(ask.name), includes.find) if ask.included is None else (
+        ask.name, find_among(ask.included))
+    parameters = {part.name: part for part in read_all_parameters(ask.text)}
+    values = {key: value for key, value in ask.values.items() if key in parameters}
+    shown = tuple(_shown(parameter) for parameter in parameters.values())
     try:
-        file = loads(text, name)
+        file = loads(ask.text, name, values, find)
         profile = _profile(file, robot)
         plan = file.order(
             profile, file.rate or DEFAULT_RATE, closed_loop=False, watch=bool(file.watch)).plan
     except FileError as error:
+        wrong = assign(parameters, values)[1]
         problems = error.problems[:MAX_ERRORS]
-        return Preview(number, tuple(LineError(part.line, str(part)) for part in problems), None)
+        return Preview(
+            ask.id, tuple(_line_error(part, name, wrong) for part in problems), None, shown)
     except ControlError as error:
-        return Preview(number, (LineError(None, str(error)),), None)
+        return Preview(ask.id, (LineError(None, str(error)),), None, shown)
     points = tuple(
         (round(pose.x, 4), round(pose.y, 4), round(pose.theta, 4))
         for pose in sample_path(plan, most=MAX_POINTS))
     (x0, y0), (x1, y1) = floor_area(plan, profile.footprint).corners
-    return Preview(number, (), Plan(
-        points, (x0, y0, x1, y1), plan.duration, len(plan.steps)))
+    return Preview(
+        ask.id, (), Plan(points, (x0, y0, x1, y1), plan.duration, len(plan.steps)), shown,
+        includes.texts)
+
+
+def _shown(parameter: Parameter) -> MotionParameter:
+    default = parameter.default
+    return MotionParameter(
+        parameter.name, parameter.description, None if default is None else default.text,
+        parameter.bounds)
+
+
+def _line_error(problem: Problem, name: str, wrong: Mapping[str, str]) -> LineError:
+    """
+    Return a problem for the page.
+
+    :param name: the name of the file
+    :param wrong: what is wrong with the value of a parameter, by the name of the parameter
+    """
+    if problem.source is not None:
+        return LineError(problem.line_read, problem.describe(name))
+    parameter = next((key for key, text in wrong.items() if problem.text == text
+                      and problem.path == format_path(['parameters', key])), None)
+    text = str(problem) if parameter is None else problem.text
+    return LineError(problem.line, text, parameter)
 
 
 def _profile(file: MotionFile, robot: str | None) -> RobotProfile:
     if robot is None and file.robot is not None:
         if is_path(file.robot):
-            # A text of the page must not make the console read any path that it likes.
             raise file.error_at(
                 'robot', 'is a path, which is not read here; start the console with --robot')
         try:
@@ -95,12 +137,17 @@ class PreviewWorker:
     All methods must be called in the thread of the event loop.
 
     :param robot: the name or the path of the robot's profile; None for what each text says
+    :param folder: has the files that a text may include
     :param command: the command line of the worker; None for that of this module
     """
 
-    def __init__(self, robot: str | None = None, command: Sequence[str] | None = None) -> None:
-        options = [] if robot is None else [robot]
-        self._command = list(command or [*python_command(__name__), *options])
+    def __init__(
+            self, robot: str | None, folder: Folder,
+            command: Sequence[str] | None = None) -> None:
+        # The worker gets the open folder itself, as the console has it.
+        self._passed = () if folder.handle is None else (folder.handle,)
+        place = f'/dev/fd/{folder.handle}' if self._passed else ''
+        self._command = list(command or [*python_command(__name__), robot or '', place])
         self._process: asyncio.subprocess.Process | None = None
         self._lock = asyncio.Lock()
 
@@ -128,7 +175,7 @@ class PreviewWorker:
         if self._process is None or self._process.returncode is not None:
             self._process = await asyncio.create_subprocess_exec(
                 *self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, limit=LINE_LIMIT,
-                env=child_environment())
+                env=child_environment(), pass_fds=self._passed)
         process = self._process
         assert process.stdin is not None
         assert process.stdout is not None
@@ -138,18 +185,19 @@ class PreviewWorker:
         return from_json(line.rstrip(), {Preview.TYPE: Preview}, LINE_LIMIT)
 
 
-def main(answer: Callable[..., Preview] = preview) -> int:
+def main() -> int:
     """
     Run the worker: read requests from standard input, write previews to standard output.
 
     :returns: the exit code, when standard input is closed
     """
     lower_priority()
-    robot = sys.argv[1] if len(sys.argv) > 1 else None
+    robot, place = sys.argv[1:]
+    folder = Folder(place or None)
     with contextlib.suppress(KeyboardInterrupt, BrokenPipeError):
         for line in sys.stdin.buffer:
             ask = from_json(line.rstrip(), {AskPreview.TYPE: AskPreview})
-            sys.stdout.write(to_json(answer(ask.id, ask.text, robot), LINE_LIMIT) + '\n')
+            sys.stdout.write(to_json(preview(ask, folder, robot or None), LINE_LIMIT) + '\n')
             sys.stdout.flush()
     return 0
 

@@ -48,9 +48,10 @@ def library() -> list[str]:
 
 def find(name_or_path: str | os.PathLike[str], /, **values: Given) -> MotionFile:
     """
-    Read a motion by its name or by the path of its file, as in ``find('square', side='1 m')``.
+    Read a motion by its name or by the path of its file.
 
-    Only the motions that come with the package have a name.
+    For example, ``find('square', side='1 m')`` reads a square of 1 m.  Only the motions that come
+    with the package have a name.
 
     :param name_or_path: a text without dots and slashes is a name; any other value is a path,
         also of the file ``run.json`` of a report, whose motion is read as it was driven

@@ -132,7 +132,7 @@ class _Reader:
 
     find: Finder
     #: the files that are being read, each included by the one before it
-    open: list[_Reading] = field(default_factory=list)
+    stack: list[_Reading] = field(default_factory=list)
     #: the path, the text and the real path of each include, by the path of the file that has it
     found: dict[tuple[str, str], tuple[str, str, str]] = field(default_factory=dict)
     #: each file that was included, by its path and the values that an include gives
@@ -216,11 +216,11 @@ class _Reading:
         """
         document = self.document
         document.values = values
-        self._reader.open.append(self)
+        self._reader.stack.append(self)
         try:
             steps = StepReader(document, self._include).steps(['steps'])
         finally:
-            self._reader.open.pop()
+            self._reader.stack.pop()
         corners = document.read_quantities([], {'corners': TOLERANCE}).get('corners')
         if not document.problems and (count := self._reader.count(steps)) > MAX_STEPS:
             document.add_problem(
@@ -292,7 +292,7 @@ class _Reading:
             return None
         if self._is_cycle(file_id):
             return None
-        if len(reader.open) > MAX_INCLUDES:
+        if len(reader.stack) > MAX_INCLUDES:
             document.add_problem(path, f'it is included more than {MAX_INCLUDES} deep')
             return None
         line = document.root.at(path).line
@@ -338,10 +338,10 @@ class _Reading:
 
     def _is_cycle(self, file_id: str) -> bool:
         """Return whether a file is being read already; a problem is recorded where it begins."""
-        files = [reading.file_id for reading in self._reader.open]
+        files = [reading.file_id for reading in self._reader.stack]
         if file_id not in files:
             return False
-        first, *others = self._reader.open[files.index(file_id):]
+        first, *others = self._reader.stack[files.index(file_id):]
         way = [reading.source for reading in (first, *others, first)]
         first.document.add_problem(first.place, ' includes '.join(way))
         return True

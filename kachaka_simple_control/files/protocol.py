@@ -150,11 +150,20 @@ class Hand(Command):
 
 @dataclass(frozen=True)
 class Run(Request):
-    """Drive a motion; answered at once with accepted or refused."""
+    """
+    Drive a motion; answered at once with accepted or refused.
+
+    :param name: the path of its file, for messages and for the files that it includes
+    :param values: of its parameters, by name
+    :param included: the texts of the files that it includes, as in ``MotionFile.included_texts``;
+        None: they are read
+    """
 
     TYPE: ClassVar[str] = 'run'
     text: str
     name: str
+    values: Mapping[str, str] = field(default_factory=dict)
+    included: Mapping[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -250,10 +259,19 @@ class Robot(Report):
 
 @dataclass(frozen=True)
 class MotionText(Report):
-    """The motion that is driven; written only beside a drive that began in a terminal."""
+    """
+    The motion that is driven; written only beside a drive that began in a terminal.
+
+    :param name: the path of its file
+    :param values: that its parameters were given, by name
+    :param included: the texts of the files that it includes, as in ``MotionFile.included_texts``
+    """
 
     TYPE: ClassVar[str] = 'motion'
     text: str
+    name: str
+    values: Mapping[str, str] = field(default_factory=dict)
+    included: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -380,7 +398,7 @@ class FloorRobot:
     """
     A robot of a fleet on the floor.
 
-    :param motion: the name of its motion
+    :param motion: the name of its motion, with the values of its parameters
     :param start: where it stands at t = 0
     :param duration: of its motion [s]
     :param path: points on its planned path

@@ -38,8 +38,10 @@ CONSOLE = 'console.console_command'
 def drive(tmp_path, length):
     """Drive so far [m] on a simulated robot with a page beside it; yield program and client."""
     file = tmp_path / 'ahead.yaml'
-    file.write_text(f'name: ahead\nsteps: [forward: {length} m]\n')
-    command = [*COMMAND, str(file), '--sim', '--quiet', '--console']
+    file.write_text('name: ahead\nparameters: {far: }\n'
+                    'steps: [include: {motion: ./leg.yaml, with: {far: $far}}]\n')
+    (tmp_path / 'leg.yaml').write_text('parameters: {far: }\nsteps: [forward: $far]\n')
+    command = [*COMMAND, str(file), f'--with=far={length}m', '--sim', '--quiet', '--console']
     with Program(command, env=environment()) as program:
         program.wait_for_text('Console: http://')
         port = re.search(r'Console: http://127.0.0.1:(\d+)/', program.text)[1]

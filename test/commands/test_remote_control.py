@@ -173,6 +173,32 @@ def test_a_motion_is_driven_exactly_and_then_the_hand_again(listener):
         control.ask('release')
 
 
+def test_a_motion_has_values_and_includes_files_or_only_given_texts(listener, tmp_path):
+    (tmp_path / 'leg.yaml').write_text(
+        'parameters: {speed: 0}\n'
+        'steps: [move: {linear_x: $speed * 1 m/s, angular_z: 0, duration: 1 s}]\n')
+    run = {
+        'text': 'parameters: {speed: }\n'
+                'steps: [include: {motion: ./leg.yaml, with: {speed: $speed}}]\n',
+        'name': str(tmp_path / 'ahead.yaml')}
+    with remote() as control:
+        control.take()
+        for wrong, reason in (
+                ({}, 'ahead.yaml:1: parameters.speed: it must be given'),
+                ({'values': {'speed': 'fast'}}, "'fast'; it must be a number"),
+                ({'values': {'speed': '0.1'}, 'included': {}},
+                 "ahead.yaml:2: step 1: include.motion: './leg.yaml': the text of this file")):
+            answer = control.ask('run', **run, **wrong)
+            assert not answer['is_done']
+            assert reason in answer['text']
+        assert control.ask('run', **run, values={'speed': '0.1'})['text'] == 'started'
+        wait_until(lambda: control.states[-1]['state'] == 'driving')
+        wait_until(lambda: control.send('alive') and control.states[-1]['state'] == 'ready')
+        held, = (one for one in listener.moves() if one.linear_x == 0.1)
+        assert held.duration == pytest.approx(1.0, abs=0.05)
+        control.ask('release')
+
+
 def test_the_speed_of_motions_is_not_that_of_the_hand(listener):
     with remote() as control:
         control.take()

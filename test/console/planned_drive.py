@@ -23,6 +23,7 @@ import argparse
 from functools import partial
 import sys
 
+from kachaka_simple_control.files.included_texts import find_among
 from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.drive_order import DriveOrder
@@ -40,7 +41,8 @@ class PlannedDrive(ScriptedDrive):
     def _obey(self, command):
         super()._obey(command)
         if hasattr(command, 'text'):
-            motion = loads(command.text, command.name).motion
+            motion = loads(
+                command.text, command.name, command.values, find_among(command.included)).motion
             self.plan = DriveOrder.of(motion, KACHAKA.planning_limits, RATE).plan
             self.planned, self.pose = ORIGIN, (0.0, 0.0, 0.0)
             self._set(motion=motion.name, steps=len(self.plan.steps), start=self.pose)

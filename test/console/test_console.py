@@ -90,10 +90,10 @@ class FakePage:
 def run(scenario: Callable[[Console, list[float]], Any], *words: str) -> None:
     """Run a scenario with a console and the time on its clock, which the scenario may change."""
     async def body() -> None:
-        now = [1000.0]
+        now, folder = [1000.0], Folder(None)
         console = Console(
-            partial(DriveProcess, partial(scripted, *words)), Folder(None), PreviewWorker(),
-            Reports(None), lambda: now[0])
+            partial(DriveProcess, partial(scripted, *words)), folder,
+            PreviewWorker(None, folder), Reports(None), lambda: now[0])
         console.start()
         try:
             await scenario(console, now)

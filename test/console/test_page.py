@@ -26,7 +26,7 @@ import pytest
 
 pytestmark = [pytest.mark.real_time, pytest.mark.browser]
 
-W, ESCAPE, SPACE = 'w', '\ue00c', ' '
+W, ESCAPE, SPACE, BACKSPACE = 'w', '\ue00c', ' ', '\ue003'
 #: After the end of a hold, so long nothing more may be sent [s].
 QUIET = 0.5
 
@@ -65,6 +65,13 @@ def type_text(page, text):
     """Replace the text of the editor as a user does: the events of the keyboard follow."""
     page.run('const area = document.querySelector("#text"); area.value = arguments[0];'
              'area.dispatchEvent(new Event("input", {bubbles: true}))', text)
+
+
+def choose(page, name):
+    """Choose a motion of the list."""
+    page.wait(lambda: name in page.text('#choice'), 'the motion in the list')
+    page.run('const choice = document.querySelector("#choice"); choice.value = arguments[0];'
+             'choice.dispatchEvent(new Event("change"))', name)
 
 
 def agree(page):
@@ -376,9 +383,89 @@ def test_a_draft_outlives_a_reload(page):
     assert page.text('#motion-source') == 'edited, not saved'
 
 
+SQUARE = """parameters:
+  side: {max: 4 m, description: of the square}
+  laps: 1
+steps:
+  - include: {motion: ./leg.yaml, with: {side: $side, laps: $laps}}
+"""
+LEG = 'parameters: {side: , laps: }\nsteps: [repeat: {times: $laps, steps: [forward: $side]}]\n'
+
+
+def type_value(page, number, value):
+    """Replace the value of a parameter."""
+    field = page.find(f'#parameter-{number}')
+    field.clear()
+    field.send_keys(value)
+
+
+def test_a_motion_is_planned_and_run_with_the_values_of_its_parameters(page, folder):
+    (folder / 'leg.yaml').write_text(LEG)
+    page.take()
+    type_text(page, SQUARE)
+    page.wait(lambda: page.text('#parameters').startswith(
+        'sideat most 4 mit must be given: a length, at most 4 m'), 'what is missing')
+    assert page.find('#parameter-0').get_attribute('aria-invalid') == 'true'
+    assert page.find('#parameter-1').get_attribute('placeholder') == '1'
+    assert page.text('#run-note') == 'The motion has errors.'
+    assert page.text('#problems') == ''
+    type_value(page, 0, '5 m')
+    page.wait(lambda: '5 m is above its largest' in page.text('#parameter-note-0'), 'the error')
+    # The field that is typed in keeps the focus when the answer comes.
+    page.keys().send_keys(*3 * [BACKSPACE], '1 m').perform()
+    type_value(page, 1, '3')
+    page.wait(lambda: page.text('#parameter-note-0') == 'of the square', 'the description')
+    page.wait(lambda: page.text('#plan-area').startswith('3.'), 'the plan of three metres')
+    assert page.find('#parameter-0').get_attribute('aria-invalid') is None
+    # A text that is no YAML for a moment does not take the fields away.
+    type_text(page, SQUARE + '  - [')
+    page.wait(lambda: 'Line' in page.text('#problems'), 'the error')
+    assert page.find('#parameter-1').get_attribute('value') == '3'
+    type_text(page, SQUARE)
+    page.wait(lambda: page.find('#run').is_enabled(), 'the run button')
+    # What is run is what was planned, whatever the file is now.
+    (folder / 'leg.yaml').write_text('steps: [wait: 1 s]')
+    page.click('#run')
+    agree(page)
+    page.wait(lambda: page.text('#state') == 'driving', 'that the robot is driven')
+    run = page.sent('run')[0]
+    assert (run['text'], run['values']) == (SQUARE, {'side': '1 m', 'laps': '3'})
+    assert run['included'] == {'leg.yaml': LEG}
+    page.press(ESCAPE)
+    page.wait(lambda: page.text('#stop-result') == 'stopped (odometry confirms)', 'the outcome')
+
+
+def test_values_are_kept_with_their_motion(page, folder):
+    (folder / 'far.yaml').write_text('parameters: {far: 1 m}\nsteps: [forward: $far]\n')
+    page.driver.refresh()
+    choose(page, 'far.yaml')
+    page.wait(lambda: page.text('#parameters') == 'far', 'its parameter')
+    type_value(page, 0, '2 m')
+    page.wait(lambda: page.text('#plan-area').startswith('2.'), 'the plan of two metres')
+    assert page.text('#motion-source') == ''
+    choose(page, 'flowing_eight')
+    page.wait(lambda: '2 m' not in page.run(
+        'return [...document.querySelectorAll("#parameters input")].map(field => field.value)'),
+        'another motion')
+    page.wait(lambda: page.text('#plan-steps') not in {NOTHING, '1'}, 'another plan')
+    choose(page, 'far.yaml')
+    page.wait(lambda: page.text('#plan-area').startswith('2.'), 'the plan of two metres')
+    page.driver.refresh()
+    page.wait(lambda: page.text('#plan-area').startswith('2.'), 'the plan of two metres')
+    assert page.find('#parameter-0').get_attribute('value') == '2 m'
+
+
+def test_an_error_of_an_included_file_is_at_the_line_of_the_include(page, folder):
+    (folder / 'leg.yaml').write_text('steps:\n  - wait: 1 s\n  - turn: 90\n')
+    type_text(page, 'name: mine\nsteps:\n  - wait: 1 s\n  - include: ./leg.yaml\n')
+    page.wait(lambda: page.text('#problems').startswith(
+        'Line 4leg.yaml:3: step 2: turn: 90 has no unit'), 'the error')
+    assert page.run('return [...document.querySelectorAll("#lines .wrong")].map('
+                    'line => line.textContent)') == ['4']
+
+
 def test_the_plan_is_drawn_to_scale(page):
-    page.run('const choice = document.querySelector("#choice"); choice.value = "square";'
-             'choice.dispatchEvent(new Event("change"))')
+    choose(page, 'square')
     page.wait(lambda: page.text('#plan-steps') == '8', 'the plan')
     # In one script: the plan is drawn again when the layout gives it another size.
     points, width, length, box = page.run(

@@ -157,6 +157,35 @@ def test_a_motion_is_driven_paused_slowed_and_stopped(tmp_path: Path):
     serve(tmp_path, scenario)
 
 
+def test_a_motion_is_driven_with_the_values_and_texts_of_its_preview(tmp_path: Path):
+    folder = tmp_path / 'folder'
+    folder.mkdir()
+    leg = 'parameters: {side: 9 m}\nsteps: [forward: $side]\n'
+    (folder / 'leg.yaml').write_text(leg)
+    text = 'parameters: {side: }\nsteps: [include: {motion: ./leg.yaml, with: {side: $side}}]\n'
+
+    async def scenario(program: ConsoleProgram) -> None:
+        page = await PageClient.connect(program)
+        await page.take()
+        asked = {'text': text, 'values': {'side': '2 m'}}
+        told = await page.ask(AskPreview, **asked)
+        assert told['included'] == {'leg.yaml': leg}
+        (folder / 'leg.yaml').write_text('steps: [forward: 1 m]')
+        answer = await page.ask(
+            RunMotion, name='../x/mine.yaml', included=told['included'], **asked)
+        assert answer['is_done']
+        [run] = program.lines('run')
+        assert [run[key] for key in ('text', 'name', 'values', 'included')] == [
+            text, 'mine.yaml', {'side': '2 m'}, {'leg.yaml': leg}]
+        await page.until(lambda: [message for message in page.messages
+                                  if message['type'] == 'driven'])
+        driven = next(message for message in page.messages if message['type'] == 'driven')
+        assert driven['plan'] == told['plan']
+        assert driven['plan']['points'][-1] == [2.0, 0.0, 0.0]
+
+    serve(tmp_path, scenario, '--folder', str(folder))
+
+
 def test_a_preview_does_not_hold_up_a_stop(tmp_path: Path):
     async def scenario(program: ConsoleProgram) -> None:
         page = await PageClient.connect(program)

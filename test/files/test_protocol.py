@@ -66,6 +66,7 @@ with optional_imports():
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 TEXTS = st.text(st.characters(blacklist_categories=['Cs']), max_size=40)
+NAMED_TEXTS = st.dictionaries(TEXTS, TEXTS, max_size=2)
 IDS = st.integers(0, MAX_INTEGER)
 POSES = st.tuples(FLOATS, FLOATS, FLOATS)
 FACTORS = st.floats(0.01, 1.0)
@@ -98,7 +99,9 @@ FLEET_STATES = st.builds(
     troubles=st.dictionaries(TEXTS, TEXTS, max_size=2), watch=st.none() | WATCHES)
 LINES = st.one_of(
     st.builds(Hand, sequence=IDS, stamp=FLOATS, linear_x=FLOATS, angular_z=FLOATS),
-    st.builds(Run, id=IDS, text=TEXTS, name=TEXTS), st.builds(protocol.Speed, IDS, FACTORS),
+    st.builds(Run, IDS, TEXTS, TEXTS, NAMED_TEXTS, st.none() | NAMED_TEXTS),
+    st.builds(protocol.MotionText, TEXTS, TEXTS, NAMED_TEXTS, NAMED_TEXTS),
+    st.builds(protocol.Speed, IDS, FACTORS),
     st.builds(protocol.Stop, IDS), st.just(protocol.Alive()), STATES,
     st.builds(protocol.Answer, IDS, st.booleans(), TEXTS, st.none() | st.booleans()),
     st.builds(protocol.Sent, st.lists(POSES, max_size=4).map(tuple)),
@@ -158,6 +161,8 @@ def test_a_wrong_value_is_named(changes: dict[str, object], reason: str):
     ('{"v":1,"type":"stop"}', "'stop': 'id' is missing"),
     ('{"v":1,"type":"stop","id":1,"id":2}', 'twice'),
     ('{"v":1,"type":"run","id":1,"name":"","text":"\\ud800"}', 'half a character'),
+    ('{"v":1,"type":"run","id":1,"name":"","text":"","values":{"side":1}}',
+     "'values.side' is 1; it must be a text"),
     ('[' * 60_000, 'no JSON text'),
     ('[]', 'no JSON object'),
     ('', 'no JSON text'),

@@ -24,8 +24,7 @@ from waiting import TIMEOUT, wait_until
 
 pytestmark = [
     pytest.mark.ros, pytest.mark.distro,
-    pytest.mark.needs('rclpy', 'nav_msgs', 'sensor_msgs', 'yaml',
-                                                 'jsonschema')]
+    pytest.mark.needs('rclpy', 'nav_msgs', 'sensor_msgs', 'yaml', 'jsonschema')]
 FLOOR = """
 walls: [[[0.3 m, -1 m], [0.3 m, 1 m]]]
 laser: {noise: 0 cm, holes: 0}

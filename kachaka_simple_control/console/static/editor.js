@@ -1,7 +1,7 @@
 // Copyright 2026 kachaka_simple_control contributors, licensed under the Apache License 2.0.
-/** The text of a motion, its line numbers, and its errors at their lines while one types. */
+/** The text of a motion and the values of its parameters, checked while one types. */
 
-import {create, setText} from './dom.js';
+import {byId, create, setText} from './dom.js';
 
 /** How long after the last key the text is checked [ms]. */
 const CHECK_AFTER = 250;
@@ -13,17 +13,23 @@ export class Editor extends EventTarget {
    * @param {HTMLTextAreaElement} area
    * @param {HTMLElement} numbers the line numbers
    * @param {HTMLElement} problems the list of errors
+   * @param {import('./parameters.js').ParameterFields} parameters
    */
-  constructor(connection, area, numbers, problems) {
+  constructor(connection, area, numbers, problems, parameters) {
     super();
     this.connection = connection;
     this.area = area;
     this.numbers = numbers;
     this.problems = problems;
+    this.parameters = parameters;
     this.count = 0;
     this.timer = null;
     this.plan = null;
-    this.checkedText = null;
+    /** What was checked: text and values. */
+    this.checked = '';
+    /** What is run: the text, its values, and the texts that it includes, as they were planned. */
+    this.motion = null;
+    parameters.addEventListener('edit', () => this.schedule());
     area.addEventListener('input', () => {
       this.dispatchEvent(new Event('edit'));
       this.schedule();
@@ -37,13 +43,25 @@ export class Editor extends EventTarget {
     return this.area.value;
   }
 
-  /** Return whether the plan belongs to the text as it is now. */
-  get isPlanned() {
-    return this.plan !== null && this.checkedText === this.text;
+  /** Return what is to be checked. */
+  get asked() {
+    return {text: this.text, values: this.parameters.values};
   }
 
-  /** Replace the text and check it. */
-  setText(text) {
+  /** Return what is asked of the server, with the name of the file. */
+  named(asked) {
+    const name = byId('file').value.trim();
+    return name === '' ? asked : {...asked, name};
+  }
+
+  /** Return whether text and values were checked as they are now. */
+  get isChecked() {
+    return this.checked === JSON.stringify(this.asked);
+  }
+
+  /** Replace the text and the values of its parameters, and check them. */
+  setText(text, values) {
+    this.parameters.reset(values);
     this.area.value = text;
     this.area.scrollTop = 0;
     this.check();
@@ -61,23 +79,31 @@ export class Editor extends EventTarget {
   async check() {
     clearTimeout(this.timer);
     const count = ++this.count;
-    const text = this.text;
-    const answer = await this.connection.request('preview', {text});
+    const {asked} = this;
+    const answer = await this.connection.request('preview', this.named(asked));
     if (count !== this.count) return;
     if (answer.type === 'preview') {
-      this.show(answer.errors, answer.plan, text);
+      this.show(answer, asked);
     } else if (answer.isLost !== true) {
-      this.show([{line: null, text: answer.text}], null, text);
+      const errors = [{line: null, text: answer.text, parameter: null}];
+      this.show({errors, plan: null, parameters: [], included: {}}, asked);
     }
   }
 
-  /** Show the errors and pass the plan on. */
-  show(errors, plan, text) {
-    this.plan = errors.length === 0 ? plan : null;
-    this.checkedText = text;
-    this.showNumbers(errors.map(error => error.line));
-    this.problems.replaceChildren(...errors.map(error => this.problem(error)));
-    if (errors.length > 0) this.area.setAttribute('aria-invalid', 'true');
+  /** Show the errors and the parameters, and pass the plan on. */
+  show({errors, plan, parameters, included}, asked) {
+    const {text, values} = asked;
+    const names = parameters.map(({name}) => name);
+    this.plan = plan;
+    this.checked = JSON.stringify(asked);
+    this.motion = {text, included, values: Object.fromEntries(
+      Object.entries(values).filter(([name]) => names.includes(name)))};
+    // A text that cannot be read for a moment does not take away the field that is typed in.
+    if (names.length > 0 || errors.length === 0) this.parameters.show(parameters, errors);
+    const others = errors.filter(({parameter}) => parameter === null);
+    this.showNumbers(others.map(error => error.line));
+    this.problems.replaceChildren(...others.map(error => this.problem(error)));
+    if (others.length > 0) this.area.setAttribute('aria-invalid', 'true');
     else this.area.removeAttribute('aria-invalid');
     this.dispatchEvent(new CustomEvent('plan', {detail: this.plan}));
     this.dispatchEvent(new Event('change'));

@@ -5,7 +5,7 @@ import {byId, create, offerDownload, setStatus, setText} from './dom.js';
 
 const FILE_NAME = /^[A-Za-z0-9_.-]+\.yaml$/;
 /** The key of what a tab keeps over a reload. */
-const KEPT = 'drafts';
+const KEPT = 'texts and values';
 
 /** The list of motions and the file buttons. */
 export class Library {
@@ -50,9 +50,19 @@ export class Library {
     }
   }
 
+  /** Put aside the text, if it was edited, and the values that were typed. */
+  putAside() {
+    const {text, values} = this.editor.asked;
+    if (this.isEdited || Object.keys(values).length > 0) {
+      this.drafts.set(this.chosen, {text: this.isEdited ? text : null, values});
+    } else {
+      this.drafts.delete(this.chosen);
+    }
+  }
+
   /** Keep what was edited for this tab, so that a reload loses nothing. */
   keep() {
-    if (this.isEdited) this.drafts.set(this.chosen, this.editor.text);
+    this.putAside();
     const {chosen, file, drafts} = this;
     try {
       sessionStorage.setItem(
@@ -67,7 +77,7 @@ export class Library {
     const kept = JSON.parse(sessionStorage.getItem(KEPT) ?? 'null');
     if (kept === null) return false;
     this.drafts = new Map(kept.drafts);
-    this.open(kept.chosen);
+    this.load(kept.chosen);
     this.file.value = kept.file;
     return true;
   }
@@ -93,29 +103,31 @@ export class Library {
   }
 
   /** Open a motion; the text that was edited before is kept until the page is left. */
-  async open(name) {
-    if (this.isEdited) this.drafts.set(this.chosen, this.editor.text);
+  open(name) {
+    this.putAside();
+    this.load(name);
+  }
+
+  /** Put a motion into the editor, with what was edited before. */
+  async load(name) {
     this.select(name);
-    if (this.drafts.has(name)) {
-      this.setText(this.drafts.get(name), true);
-      return;
-    }
-    if (name === '') {
-      this.setText('', false);
+    const {text, values} = this.drafts.get(name) ?? {text: null, values: {}};
+    if (text !== null || name === '') {
+      this.setText(text ?? '', text !== null, values);
       return;
     }
     const answer = await this.connection.request('open', {name});
     if (this.chosen !== name) return;
-    if (answer.type === 'file') this.setText(answer.text, false);
+    if (answer.type === 'file') this.setText(answer.text, false, values);
     else this.showFault(answer.text);
   }
 
   /** Put a text into the editor that is no motion of the list, for example a recording. */
   put(text, file) {
-    if (this.isEdited) this.drafts.set(this.chosen, this.editor.text);
+    this.putAside();
     this.select('');
-    this.setText(text, true);
     this.file.value = file;
+    this.setText(text, true, {});
   }
 
   /** Show which motion is chosen. */
@@ -126,11 +138,11 @@ export class Library {
     setStatus(this.result, this.note, 'idle');
   }
 
-  /** Replace the text of the editor. */
-  setText(text, isEdited) {
+  /** Replace the text of the editor and the values of its parameters. */
+  setText(text, isEdited, values) {
     this.isEdited = isEdited;
     this.showSource();
-    this.editor.setText(text);
+    this.editor.setText(text, values);
   }
 
   /** The text is the user's own from now on. */

@@ -13,6 +13,7 @@ import {DriveKeys, watchStopKeys} from './keys.js';
 import {LeaseButton} from './lease.js';
 import {Library} from './library.js';
 import {Fault, Log} from './messages.js';
+import {ParameterFields} from './parameters.js';
 import {PlanView} from './plan_view.js';
 import {Recorder} from './record.js';
 import {RunControls} from './run.js';
@@ -44,7 +45,9 @@ const hand = new Hand(connection);
 const stop = new Stop(
   connection, hand, byId('stop-result'), [byId('stop'), byId('ask-stop')], fault, question);
 const stick = new Stick(hand, byId('stick'), byId('knob'));
-const editor = new Editor(connection, byId('text'), byId('lines'), byId('problems'));
+const editor = new Editor(
+  connection, byId('text'), byId('lines'), byId('problems'),
+  new ParameterFields(byId('parameters')));
 const library = new Library(connection, editor, showFault);
 const lease = new LeaseButton(connection, question, byId('lease'), byId('lease-note'), showFault);
 const recorder = new Recorder(connection, library, showFault);

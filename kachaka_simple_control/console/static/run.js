@@ -1,7 +1,7 @@
 // Copyright 2026 kachaka_simple_control contributors, licensed under the Apache License 2.0.
 /** Running a motion: the question about the floor, pause and resume, and the speed. */
 
-import {byId, setText} from './dom.js';
+import {setText} from './dom.js';
 import {sizeText} from './geometry.js';
 import {FREE} from './lease.js';
 
@@ -64,13 +64,13 @@ export class RunControls {
     if (!isMine || FREE.includes(this.state.state)) return 'Take the robot to run a motion.';
     if (this.state.state !== 'ready') return `The robot is ${this.state.state}.`;
     if (this.editor.text.trim() === '') return 'Choose a motion first.';
-    if (this.editor.checkedText !== this.editor.text) return 'The text is being checked.';
-    return this.editor.isPlanned ? '' : 'The text has errors.';
+    if (!this.editor.isChecked) return 'The text is being checked.';
+    return this.editor.plan === null ? 'The motion has errors.' : '';
   }
 
-  /** Ask about the floor, then run the text as it was checked. */
+  /** Ask about the floor, then run the motion as it was checked. */
   async run() {
-    const {text, plan} = this.editor;
+    const {motion, plan} = this.editor;
     const name = this.motionName();
     const isFree = await this.question.ask({
       subject: name, needs: 'needs an area of', area: sizeText(plan.box),
@@ -78,8 +78,7 @@ export class RunControls {
       confirm: 'The floor is free: run'});
     if (!isFree) return;
     this.onRun(plan);
-    const file = byId('file').value.trim();
-    const answer = await this.connection.request('run', file === '' ? {text} : {text, name: file});
+    const answer = await this.connection.request('run', this.editor.named(motion));
     if (!answer.is_done) this.showFault(answer.text);
   }
 
