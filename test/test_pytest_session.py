@@ -28,6 +28,7 @@ TESTS = ROOT / 'test'
 ROS_PLUGINS = ('launch_testing', 'launch_ros', 'launch_pytest')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ROS_PLUGINS)
 def test_a_plugin_of_ros_that_does_not_know_this_pytest_does_no_harm(tmp_path, name):
     tmp_path.joinpath('unfit_plugin.py').write_text('raise ImportError("of another pytest")')
@@ -52,6 +53,7 @@ def test_a_test_without_its_library_says_what_it_needs(name, reason):
     assert lack(name) == reason
 
 
+@pytest.mark.slow
 def test_a_test_with_a_missing_library_is_skipped_alone(tmp_path):
     tmp_path.joinpath('test_some.py').write_text("""
 from optional_libraries import MISSING, optional_imports

@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 import math
 import os
+import re
 from types import MappingProxyType
 
 from kachaka_simple_control.errors import InvalidMotionError, LimitError
@@ -39,6 +40,10 @@ from kachaka_simple_control.motion.plan import find_errors
 from kachaka_simple_control.motion.steps import Motion
 from kachaka_simple_control.motion.time_scale import slowed
 from kachaka_simple_control.text import location
+
+
+#: The end of the path of a step that includes a file, in the path of a value in the file.
+_INCLUDE = re.compile(r'[.]include(?=[.]steps\[)')
 
 
 def included_key(source: str, name_or_path: str) -> str:
@@ -200,8 +205,9 @@ class MotionFile:
     def problem(self, error: InvalidMotionError) -> Problem:
         """Return the problem of an error with its place, which may be in an included file."""
         path = error.path or ''
-        for place, file in self.included.items():
-            if path.startswith(f'{place}.steps['):
+        for found in _INCLUDE.finditer(path):
+            place = path[:found.end()]
+            if (file := self.included.get(place)) is not None:
                 inner = InvalidMotionError(error.message, path.removeprefix(f'{place}.'))
                 return file.problem(inner).within(file.source, self.source, self._line(place))
         return Problem(error.message, self._line(path), path)

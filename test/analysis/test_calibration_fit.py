@@ -110,6 +110,7 @@ def unknown(seed):
     return log, true, true.dead_time + true.lag + lag + jitter / 2.0
 
 
+@pytest.mark.slow
 def test_robots_that_the_fit_knows_nothing_of_are_found_or_refused():
     """Of second order, with a deadband, slip and a jitter of the delay."""
     refused = []

@@ -235,6 +235,7 @@ def test_a_pass_that_is_hardly_near_does_not_begin_after_its_smallest_distance()
     assert near.begin <= near.time
 
 
+@pytest.mark.slow
 def test_a_velocity_held_for_an_hour_is_looked_at_in_parts():
     robots = [robot('a', Motion([Move(0.1, 1.0, 3600.0)])), robot('b', EMPTY, x=0.5)]
     assert len(near_passes(robots, MARGIN)) == 1

@@ -73,6 +73,7 @@ def squares(calibration, count=1, draw=None, side=SIDE):
 
 
 #: One square each way, as if nobody had time, and five as Borenstein and Feng drive.
+@pytest.mark.slow
 @pytest.mark.parametrize('count, largest', [(1, 0.06), (5, 0.03)])
 def test_what_is_measured_with_20_mm_and_0_6_deg_is_enough(count, largest):
     """
@@ -186,6 +187,7 @@ WORN = SimulationParameters(
     wheel_ratio=1.004, track_ratio=1.02, odometry_noise=0.003, heading_noise=math.radians(0.5))
 
 
+@pytest.mark.slow
 @pytest.mark.needs('yaml', 'jsonschema')
 def test_a_robot_of_which_all_is_wrong_is_measured_by_its_own_odometry():
     """What it makes of what it is sent does not matter, for odometry reported it."""

@@ -178,6 +178,7 @@ def test_what_cannot_be_printed_is_one_line(options, what):
                             'device\n')
 
 
+@pytest.mark.slow
 @pytest.mark.needs('yaml', 'jsonschema')
 @pytest.mark.parametrize('encoding', ['ascii', 'latin-1', 'cp932'])
 @pytest.mark.parametrize('options', [['--plan'], ['--list', '--plan'], ['--plot', '図.png']])

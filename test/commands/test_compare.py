@@ -97,6 +97,7 @@ def test_accuracy_and_repeatability_are_those_of_the_ends(reports, run, tmp_path
     assert re.match(r'Repeatability: single ends are up to (4.9|5.0|5.1) mm and 0.0', lines[13])
 
 
+@pytest.mark.slow
 def test_all_paths_are_drawn_over_the_planned_one(reports, run, tmp_path):
     pytest.importorskip('matplotlib', reason='needs matplotlib')
     for name, gain in (('a', 0.9), ('b', 0.95), ('c', 1.0)):

@@ -87,6 +87,7 @@ class HandDrive:
         return self.floor.nearest(HULL, self.robot.state_at(self.now)[0], self.now).distance
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(6))
 @given(SEEDS)
 def test_no_wall_is_touched(seed):

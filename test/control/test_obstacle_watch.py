@@ -105,6 +105,7 @@ def post_beside(numbers, _, path):
 
 
 # Each drive takes some tenths of a second.
+@pytest.mark.slow
 @settings(max_examples=examples(8))
 @given(SEEDS)
 def test_no_wall_is_touched(seed):
@@ -115,6 +116,7 @@ def test_no_wall_is_touched(seed):
         assert all(gap <= MARGIN + 0.1 for gap in drive.gaps)
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(8))
 @given(SEEDS)
 def test_what_is_beside_holds_nobody(seed):
@@ -124,6 +126,7 @@ def test_what_is_beside_holds_nobody(seed):
     assert drive.is_complete
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(5))
 @given(SEEDS)
 def test_a_robot_of_unknown_delay_is_placed_by_odometry(seed):
@@ -133,6 +136,7 @@ def test_a_robot_of_unknown_delay_is_placed_by_odometry(seed):
     assert not drive.has_touched
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(5))
 @given(st.floats(0.3, 1.4), st.floats(0.2, 1.0), SEEDS)
 def test_a_wall_that_appears_holds_soon_and_goes_on_when_it_is_gone(appears, speed, seed):

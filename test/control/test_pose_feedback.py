@@ -47,6 +47,7 @@ FLOOR = SimulationParameters(
     linear_gain=0.95, angular_gain=0.97, veer=math.radians(2.0), dead_time=0.2, lag=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed, motion, furthest', [
     (1, SQUARE, 0.010), (1, replace(SQUARE, corners=0.05), 0.015)])
 def test_random_robots_end_where_they_should(seed, motion, furthest):
@@ -235,6 +236,7 @@ def check_limits(sent, limits):
             assert change <= 1.001 * max(step, reachable) + 1e-12
 
 
+@pytest.mark.slow
 @given(st.data())
 @settings(max_examples=50)
 def test_what_is_corrected_for_a_calibrated_robot_is_within_its_limits(data):

@@ -59,6 +59,7 @@ def end_pose(ticks):
     return pose
 
 
+@pytest.mark.slow
 @MANY
 @given(MOTIONS, LIMITS, RATES, CHANGES)
 def test_the_end_is_that_of_the_plan(motion, limits, rate, changes):
@@ -71,6 +72,7 @@ def test_the_end_is_that_of_the_plan(motion, limits, rate, changes):
     assert end.theta == pytest.approx(planned.pose.theta, abs=1e-9 * scale)
 
 
+@pytest.mark.slow
 @MANY
 @given(MOTIONS, LIMITS, RATES, CHANGES)
 def test_ticks_follow_each_other_and_go_forward_on_the_plan(motion, limits, rate, changes):
@@ -96,6 +98,7 @@ def test_without_a_change_each_velocity_is_that_of_the_plan(motion, limits, rate
         assert tick.plan_time == tick.start
 
 
+@pytest.mark.slow
 @MANY
 @given(st.lists(st.builds(Forward, st.floats(-3.0, 3.0)), min_size=1, max_size=3), RATES, CHANGES)
 def test_what_is_sent_keeps_the_limits_of_acceleration(steps, rate, changes):

@@ -102,6 +102,7 @@ def drive(motion, calibration, robot, rate=20.0):
     return planned.pose, drive.state_at(planned.duration + 2.0)[0]
 
 
+@pytest.mark.slow
 @given(calibrations)
 @settings(max_examples=examples(8))  # each is a drive
 def test_a_calibrated_square_ends_where_it_was_planned(calibration):

@@ -71,6 +71,7 @@ def test_corners_that_use_whole_legs_lose_nothing_of_them(angles, tolerance, rat
     assert apart(end_of(messages(plan(motion, limits, rate).segments)), end) < 1e-9
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(20), deadline=None)
 @given(flows(), FLOW_LIMITS, FLOW_RATES)
 @example(Motion('flow', (
@@ -94,6 +95,7 @@ def test_what_is_sent_keeps_every_promise(motion: Motion, limits: Limits, rate: 
         assert excess.jerk_unequal <= max(1e-6, others[axis].jerk_unequal)
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(10), deadline=None)
 @given(flows(), FLOW_LIMITS, FLOW_RATES)
 def test_the_path_is_within_the_tolerance_of_the_legs(motion, limits, rate):
@@ -193,6 +195,7 @@ def test_a_corner_has_at_most_1_4_times_as_many_messages_as_the_rate():
     assert 20.0 * corner.duration < len(sent) <= 20.0 * math.sqrt(2.0) * corner.duration + 1.0
 
 
+@pytest.mark.slow
 def test_repeats_are_planned_once():
     """An hour of squares shares its velocities, and is planned in a moment."""
     motion = Motion('hour', [Repeat(480, [Forward(0.5), Turn(QUARTER)] * 4)], corners=0.05)

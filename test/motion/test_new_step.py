@@ -163,6 +163,7 @@ def test_it_is_in_the_schema_for_editors():
     assert part['examples'] == [{'offset': '0.3 m', 'length': '1 m', 'speed': '0.1 m/s'}]
 
 
+@pytest.mark.slow
 @pytest.mark.needs('jinja2')
 def test_it_is_driven_and_reported(tmp_path):
     drive = SimulatedDrive(20.0)

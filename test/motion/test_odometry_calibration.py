@@ -164,6 +164,7 @@ def drive(motion, profile, robot, rate=20.0):
     return planned.pose, simulated.state_at(planned.duration + 2.0)[0]
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(8))  # each is a drive
 @given(calibrations, st.floats(0.9, 1.1), st.floats(0.99, 1.01), st.floats(0.9, 1.1))
 def test_a_square_ends_on_the_floor_where_it_was_planned(

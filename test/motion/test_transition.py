@@ -137,6 +137,7 @@ def hausdorff(one: list[Piece], two: list[Piece], counts: tuple[int, int]) -> fl
         for part in pieces for point in part.points(count))
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(40), deadline=None)
 @given(arc_flows(), FLOW_LIMITS, FLOW_RATES)
 def test_what_is_sent_keeps_every_promise(motion: Motion, limits: Limits, rate: float):
@@ -157,6 +158,7 @@ def test_what_is_sent_keeps_every_promise(motion: Motion, limits: Limits, rate: 
         assert excess.jerk_unequal <= max(1e-6, others[axis].jerk_unequal)
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(arc_flows(), FLOW_LIMITS, st.sampled_from((5.0, 10.0, 20.0)))
 def test_the_path_is_within_the_tolerance(motion, limits, rate):
@@ -165,6 +167,7 @@ def test_the_path_is_within_the_tolerance(motion, limits, rate):
         1.0 + 1e-6)
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(20), deadline=None)
 @given(arc_flows(), FLOW_LIMITS, FLOW_RATES, st.integers(0, 1 << 30))
 def test_any_speed_factor_keeps_the_path_and_the_limits(motion, limits, rate, seed):
@@ -199,6 +202,7 @@ def driven(planned: Plan, chance: random.Random) -> list[Message]:
     return sent
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(30), deadline=None)
 @given(st.tuples(RADII, RADII), st.tuples(SIDES, SIDES), st.floats(0.001, 0.2),
        st.floats(0.05, 1.0), FLOW_RATES, FLOW_LIMITS)

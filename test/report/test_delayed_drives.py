@@ -68,6 +68,7 @@ def test_who_is_held_at_rest_is_paused_whatever_the_factor(factor, is_held):
     assert SpeedInterval(None, {'obstacle': factor}, 0.0, 1.0, 0.0, 0.0).is_pause is is_held
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(20))
 @given(CHANGES, st.sampled_from([5.0, 20.0, 50.0]))
 @example([(3.0, 0.0), (2.0, 0.0)], 20.0)

@@ -161,6 +161,7 @@ def test_the_figures_are_those_of_the_record(browser, reports):
     assert float(told[2]) == pytest.approx(turned, abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_table_has_every_step(browser, reports):
     for name in ('done', 'lesson', 'faulted'):
         show(browser, reports / name / 'report.html')
@@ -192,6 +193,7 @@ def test_nothing_is_cut_off_or_overlaps(browser, reports, name, width):
         "return document.querySelectorAll('figure svg text').length") > 10
 
 
+@pytest.mark.slow
 def test_it_is_dark_where_the_reader_wants_that(browser, reports):
     """The plots have the page's ground, and every text can be read (WCAG: 4.5)."""
     ground_of = """

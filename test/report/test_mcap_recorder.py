@@ -66,6 +66,7 @@ def exactly(rows):
     return sorted((row[0], *(value.hex() for value in row[1:])) for row in rows)
 
 
+@pytest.mark.slow
 @given(st.sampled_from([TWIST, STAMPED]), st.lists(st.one_of(SENT, ANSWERED), max_size=30),
        st.lists(st.tuples(st.integers(0, 30), TIMES), max_size=3))
 @settings(max_examples=30)

@@ -192,6 +192,7 @@ SHOWN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('previews', SHOWN.values(), ids=SHOWN)
 def test_no_text_is_clipped_or_overlaps(matplotlib, previews):
     figure = draw_plans(previews())

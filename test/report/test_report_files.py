@@ -272,6 +272,7 @@ EVENTS = st.one_of(
               st.none() | st.text()))
 
 
+@pytest.mark.slow
 @given(st.lists(EVENTS, max_size=40))
 @settings(max_examples=50)
 def test_whatever_happened_there_is_a_report(events):

@@ -73,6 +73,7 @@ def test_what_is_written_is_what_is_read(events):
     assert list(decode(io.BytesIO(b''.join(packets)))) == events
 
 
+@pytest.mark.slow
 @given(st.lists(st.lists(st.one_of(
     st.just(LONG), st.builds(RobotEvent, st.sampled_from(['r1', 'r2']), st.builds(
         VelocitySent, st.floats(0.0, 1e6),

@@ -77,6 +77,7 @@ def test_a_task_into_a_wall_fails():
     assert robot.contact(60.0) is not None
 
 
+@pytest.mark.slow
 @given(
     st.tuples(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6)), st.floats(0.01, 0.1),
     st.floats(-0.3, 0.3), st.floats(-1.5, 1.5), st.lists(st.floats(1.0, 4.0), max_size=5))

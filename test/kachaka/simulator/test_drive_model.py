@@ -73,6 +73,7 @@ def test_ideal_drive_is_exact(commands):
         assert getattr(pose, name) == pytest.approx(getattr(driven, name), abs=1e-12)
 
 
+@pytest.mark.slow
 @given(commands=commands)
 def test_odometry_of_worn_wheels_is_that_of_good_ones_and_the_floor_is_another(commands):
     """What odometry reports does not depend on its errors; the floor follows from it exactly."""
