@@ -54,7 +54,7 @@ nitpick_ignore_regex = [
     (r'py:.*', r'(rclpy|geometry_msgs|nav_msgs|std_srvs|builtin_interfaces|rcl_interfaces)\..*'),
     (r'py:.*', r'(argparse|collections|concurrent|enum|numbers|signal|socket|subprocess)\..*'),
     (r'py:.*', r'(abc|contextlib|datetime|io|threading|types|typing|asyncio|os|pathlib)\..*'),
-    (r'py:.*', r'(diagnostic_msgs|kachaka_api|kachaka_api_pb2|rich)\..*'),
+    (r'py:.*', r'(decimal|re|diagnostic_msgs|kachaka_api|kachaka_api_pb2|rich)\..*'),
     (r'py:.*', r'(kachaka_simple_control\.([a-z_]+\.)+[A-Za-z]*T|dict\[str.*)'),
     (r'py:class', r'(Axes|Figure|Point|kachaka_simple_control\.files\.yaml_document\.Node)'),
     (r'py:class', r'(Event|FieldKind|PathPart)'),  # names of types, for older releases

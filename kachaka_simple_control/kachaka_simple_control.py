@@ -22,7 +22,7 @@ from dataclasses import replace
 import os
 import sys
 import time
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 if __name__ == '__main__':
     # If this file is run directly, Python would import the file instead of the package.
@@ -37,6 +37,7 @@ from kachaka_simple_control.errors import (
     RobotMovedError,
     UsageError,
 )
+from kachaka_simple_control.files.motion_file import MotionFile
 from kachaka_simple_control.files.watch_check import watch_errors
 from kachaka_simple_control.kachaka.bridge_process import OwnSimulation, require_floor
 from kachaka_simple_control.motion.drive_order import DriveOrder
@@ -55,9 +56,6 @@ from kachaka_simple_control.telemetry.event_file import EventFile
 from kachaka_simple_control.text import escaped, pluralize, quoted
 import rclpy
 import rclpy.signals
-
-if TYPE_CHECKING:
-    from kachaka_simple_control.files.motion_file import MotionFile
 
 NAME = 'kachaka_simple_control'
 
@@ -228,10 +226,9 @@ class KachakaSimpleControl(DriveNode):
         :raises MotionFileError: if there is no such motion, or it is made for another robot or
             kind of control
         """
-        # Imported here: the lesson reads no file.
-        from kachaka_simple_control.files.motion_file import MotionFile
         motion_file, used = motion, self.node_parameters
         if isinstance(motion, (str, os.PathLike)):
+            # Imported here: the lesson reads no file.
             from kachaka_simple_control.files.library import find
             motion_file = find(motion)
         if not isinstance(motion_file, MotionFile):

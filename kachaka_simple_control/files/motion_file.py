@@ -41,7 +41,6 @@ from kachaka_simple_control.motion.steps import Motion
 from kachaka_simple_control.motion.time_scale import slowed
 from kachaka_simple_control.text import location
 
-
 #: The end of the path of a step that includes a file, in the path of a value in the file.
 _INCLUDE = re.compile(r'[.]include(?=[.]steps\[)')
 
