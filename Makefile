@@ -93,7 +93,7 @@ docs:  ## build docs/ as a site in docs/_build, and do what it tells a reader to
 	$(SET_UP) --for=colcon $(VENV)-colcon
 	PYTHONPATH=.$${PYTHONPATH:+:$$PYTHONPATH} $(VENV)-colcon/bin/python -m sphinx -n -W --keep-going -q -b $(DOCS) \
 	    -d docs/_build/doctrees docs docs/_build/$(DOCS)
-	$(VENV)-colcon/bin/python -m pytest -rs -n 4 --dist loadgroup test/test_docs.py
+	$(VENV)-colcon/bin/python -m pytest -rs -n 6 --dist loadgroup test/test_docs.py
 
 setup:  ## make the environment, if what it is made from has changed; seconds
 	$(SET_UP) $(VENV)
