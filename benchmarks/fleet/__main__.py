@@ -16,10 +16,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import json
 from pathlib import Path
 import sys
+import tempfile
 import time
 from typing import Any
 
@@ -30,6 +31,7 @@ from benchmarks.run import measured_on, RESULTS, save, today, write_measured
 from benchmarks.tables import Table
 from program import restore_signals
 from ros_domain import isolate_ros
+from stall_observer import describe, Stall, StallObservers
 
 #: The run that the documentation shows.
 REFERENCE = RESULTS / 'fleet.json'
@@ -59,10 +61,36 @@ def measure(scale: Scale, parts: Sequence[str]) -> dict[str, Any]:
         'programs': measure_programs, 'standing_by': measure_standing_by}
     described = machine.describe()
     begin = time.monotonic()
-    found = {name: measures[name](scale) if name in parts else empty
-             for name, empty in PARTS.items()}
+    spans: dict[str, tuple[float, float]] = {}
+    found = dict(PARTS)
+    with tempfile.TemporaryDirectory() as seen:
+        observers = StallObservers(Path(seen))
+        observers.start()
+        for name in (name for name in PARTS if name in parts):
+            start = time.monotonic()
+            found[name] = measures[name](scale)
+            spans[name] = start, time.monotonic()
+        stalls = observers.between(begin, time.monotonic())
+        observers.end()
+    run = {'date': today(), 'machine': described, 'is_quick': scale is QUICK, **found}
+    if scale is QUICK:
+        for name in stalled_parts(run, spans, stalls):
+            run[name] = measures[name](scale)
     print(f'measured in {(time.monotonic() - begin) / 60.0:.1f} minutes\n')
-    return {'date': today(), 'machine': described, **found}
+    return run
+
+
+def stalled_parts(
+        run: dict[str, Any], spans: Mapping[str, tuple[float, float]],
+        stalls: Sequence[Stall]) -> list[str]:
+    """Return the parts that missed a bar, and in whose time the machine stood still."""
+    from benchmarks.fleet.figures import missed_parts
+    found = []
+    for name in missed_parts(run):
+        if met := [stall for stall in stalls if name in spans and stall.meets(*spans[name])]:
+            print(f'REPEATED {name}: {describe(met)}')
+            found.append(name)
+    return found
 
 
 def page_text(shown: Sequence[Table], run: dict[str, Any]) -> str:
@@ -78,7 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.of:
         run = json.loads(options.of.read_text())
     else:
-        run = {**measure(QUICK if options.quick else FULL, parts), 'is_quick': options.quick}
+        run = measure(QUICK if options.quick else FULL, parts)
         if not options.quick and options.parts and REFERENCE.exists():
             run = {**json.loads(REFERENCE.read_text()), **{
                 name: run[name] for name in ('date', 'machine', *parts)}}

@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 import math
 from typing import Any
@@ -89,11 +89,20 @@ def results(run: dict[str, Any]) -> list[ThresholdResult]:
 
 def figures(run: dict[str, Any]) -> Iterator[Figure]:
     """Return all figures of a run that have a bar."""
-    yield from _in_step(run['in_step'])
-    yield from _many(run['fleets'])
-    yield from _stops(run['stops'])
-    yield from _pauses(run['pauses'])
-    yield from _two_fleets(run['two_fleets'])
+    for part, read in _parts().items():
+        yield from read(run[part])
+
+
+def missed_parts(run: dict[str, Any]) -> list[str]:
+    """Return the parts of a run that have a figure beyond its bar."""
+    missed = {result.threshold.what for result in results(run) if not result.is_met}
+    return [part for part, read in _parts().items()
+            if any(figure.what in missed for figure in read(run[part]))]
+
+
+def _parts() -> dict[str, Callable[[Any], Iterator[Figure]]]:
+    return {'in_step': _in_step, 'fleets': _many, 'stops': _stops, 'pauses': _pauses,
+            'two_fleets': _two_fleets}
 
 
 def _figure(what: str, value: float, unit: str) -> Figure:

@@ -19,7 +19,15 @@ import math
 from pathlib import Path
 
 from benchmarks.fleet import in_step
-from benchmarks.fleet.__main__ import BEGIN, main, PAGE, page_text, PARTS, REFERENCE
+from benchmarks.fleet.__main__ import (
+    BEGIN,
+    main,
+    PAGE,
+    page_text,
+    PARTS,
+    REFERENCE,
+    stalled_parts,
+)
 from benchmarks.fleet.calculation import costs, discovery, on_line
 from benchmarks.fleet.drives import timing
 from benchmarks.fleet.figures import COST, GOING_ON, results, THRESHOLDS, TWO_FLEETS
@@ -43,6 +51,7 @@ from kachaka_simple_control.files.fleet_file import find_fleet, MAX_ROBOTS
 from kachaka_simple_control.fleet.fleet_plan import plan_fleet, require_clear
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 import pytest
+from stall_observer import Stall
 
 #: Times of some 1e9 s, in double precision, are known to a quarter of a microsecond.
 CLOCK, KNOWN = 1e9, 1e-6
@@ -335,6 +344,14 @@ def test_a_quick_run_forgives_a_busy_machine_but_no_fault():
         'in step: first velocities apart']
     assert missed({**changed('stops', 4, moved_after=1), 'is_quick': True}) == [
         'stopped fleets: velocities after the first zero']
+
+
+def test_only_a_part_in_whose_time_the_machine_stood_still_is_measured_again():
+    run = {**changed('in_step', 0, first_apart=0.06), 'is_quick': True}
+    spans = {'in_step': (1.0, 2.0), 'stops': (2.0, 3.0)}
+    assert stalled_parts(run, spans, [Stall(1.5, 1.6, 0)]) == ['in_step']
+    assert stalled_parts(run, spans, [Stall(2.5, 2.6, 0)]) == []
+    assert stalled_parts(GOOD, spans, [Stall(1.5, 1.6, 0)]) == []
 
 
 def test_a_fleet_that_did_not_end_its_paused_drive_misses_its_bars():
