@@ -276,7 +276,7 @@ class SpeedFactorChanged:
 
 
 class WatchState(Enum):
-    """What the obstacle watch of a robot says; the values are shown."""
+    """The state of the obstacle watch of a robot; displays show the values."""
 
     CLEAR = 'clear'
     #: held: something is on the planned path

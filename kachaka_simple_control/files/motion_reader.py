@@ -128,7 +128,7 @@ def read_all_parameters(text: str) -> tuple[Parameter, ...]:
 
 @dataclass
 class _Reader:
-    """What the files that are read for one motion share."""
+    """The state that all files of one motion share while they are read."""
 
     find: Finder
     #: the files that are being read, each included by the one before it

@@ -91,7 +91,7 @@ def _parameters_schema() -> Schema:
                 'max': {**value('The largest value allowed.', '4 m'),
                         'synonyms': ['maximum', 'largest', 'to']},
                 'description': {
-                    'description': 'What it is, for people.', 'expected': 'a text, in quotes',
+                    'description': 'A text to show.', 'expected': 'a text, in quotes',
                     'type': 'string', 'examples': ['of the square']}},
             'additionalProperties': False,
             'examples': ['0.5 m', {'default': 4, 'min': 1, 'max': 20}]},

@@ -299,7 +299,7 @@ def _steps(view: PlanView, most: int, widest: int, with_total: bool) -> list[str
             gaps.append((len(rows) + len(gaps), entry))
             continue
         step = steps[entry]
-        # What includes the step is told above the first of its rows.
+        # A row with the name of the included motion, above its steps.
         within = step.path.rpartition('.include.')[0]
         if within != included and step.included:
             rows.append(('', f'{one_line(step.included, MAX_INCLUDED_WIDTH)}:', *NO_FIGURES))
