@@ -40,7 +40,7 @@ from kachaka_simple_control.text import location, quoted
 #: The largest number of problems that an error message shows.
 MAX_LINES = 20
 #: After this many problems the rest of a file is not checked.
-MAX_PROBLEMS = 1000
+MAX_PROBLEMS = 200
 #: The longest file name that an error message shows in full [characters].
 MAX_NAME = 300
 #: The error message if PyYAML or jsonschema is not installed.
