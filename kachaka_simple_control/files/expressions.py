@@ -39,8 +39,8 @@ from kachaka_simple_control.text import quoted
 
 #: The longest expression [characters], and the deepest parentheses.
 MAX_EXPRESSION, MAX_PARENTHESES = 1000, 50
-#: The largest result, far below the largest float.
-LARGEST = 10**100
+#: The largest result and the largest power of a unit, whose product is far below any overflow.
+LARGEST, MAX_POWER = 10**100, 20
 #: A pattern of the name of a parameter.
 NAME = '[A-Za-z_][A-Za-z0-9_]*'
 #: A number so near to a whole one is meant to be whole, such as three times a third.
@@ -206,6 +206,8 @@ class _Evaluation:
         amount = _OPERATORS[sign](one, two)
         if abs(amount.number) > LARGEST:
             raise self._error('a result is too large a number')
+        if max(map(abs, (*amount.dimension, amount.degrees))) > MAX_POWER:
+            raise self._error(f'a result has a unit to a power above {MAX_POWER}')
         return amount
 
     def _sign(self) -> str | None:

@@ -423,7 +423,7 @@ def test_a_motion_is_planned_and_run_with_the_values_of_its_parameters(page, fol
     assert page.find('#parameter-1').get_attribute('value') == '3'
     type_text(page, SQUARE)
     page.wait(lambda: page.find('#run').is_enabled(), 'the run button')
-    # What is run is what was planned, whatever the file is now.
+    # The page runs the texts that it has planned, even if the file has changed.
     (folder / 'leg.yaml').write_text('steps: [wait: 1 s]')
     page.click('#run')
     agree(page)

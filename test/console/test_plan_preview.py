@@ -93,7 +93,7 @@ def test_a_value_of_a_parameter_is_used_or_named():
     assert [(error.line, error.parameter) for error in result.errors] == [
         (2, 'side'), (3, 'laps'), (6, None)]
     assert result.parameters == parameters
-    # What is wrong in the text is no wrong value.
+    # An error of the text belongs to no field of a value.
     [error] = checked(LEG.replace('laps: 2', 'laps: 2 kg'), values={'side': '1 m'}).errors
     assert (error.line, error.parameter) == (3, None)
 

@@ -64,7 +64,8 @@ REFUSED = (
     '1 m / ($laps - 4)', '2 * ', '* 2', '(2', '2) * 1', '2 3 * $side', '() + $side',
     'sin($turn)', '2 x $side', '$', '$ side', '1e999 * $side', '\uff11 m + $side', '0,5 m * 2',
     ' * '.join(['1e90'] * 3), '(' * 60 + '$side' + ')' * 60, ' + '.join(['$side'] * 10_000),
-    '9' * 200 + ' * $side', '$side ** 2', '$side; $side', '1/2 m', '10 km/h', '$bad / 0')
+    '9' * 200 + ' * $side', '$side ** 2', '$side; $side', '1/2 m', '10 km/h', '$bad / 0',
+    '1 m' + ' / $turn' * 100, '1 m' + ' * (1 rad / $turn)' * 50)
 
 
 def test_what_is_no_length_is_refused_in_one_line():
