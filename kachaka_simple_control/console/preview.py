@@ -50,8 +50,8 @@ from kachaka_simple_control.process.processes import (
     python_command,
 )
 
-#: A worker that takes longer is ended [s].
-PATIENCE = 10.0
+#: A worker that takes longer is ended [s].  It needs a second or two, but has a low priority.
+PATIENCE = 30.0
 #: The largest number of points of a plan and of errors in an answer.
 MAX_POINTS = 1000
 MAX_ERRORS = 100

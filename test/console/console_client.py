@@ -41,7 +41,7 @@ with optional_imports():
 
 SCRIPT = Path(__file__).with_name('scripted_console.py')
 #: How long a test waits for a message [s].
-PATIENCE = 10.0
+PATIENCE = 30.0
 Values = dict[str, Any]
 
 

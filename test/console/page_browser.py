@@ -33,7 +33,7 @@ import pytest
 
 SCRIPT = Path(__file__).with_name('scripted_console.py')
 #: How long the page may take for anything [s].
-PATIENCE = 10.0
+PATIENCE = 30.0
 #: What the page shows where there is no value.
 NOTHING = '\u2013'
 
