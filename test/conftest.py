@@ -19,6 +19,7 @@ import os
 from pathlib import Path
 import sys
 
+from example_counts import examples, PROFILE, SCALES
 from optional_libraries import lack, optional_imports
 from program import restore_signals
 import pytest
@@ -31,9 +32,10 @@ with optional_imports():
     busy_machine = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
     # The same examples each time: a test says the same of the same code.  Others are searched for
     # at random by `make test-all`.
-    settings.register_profile('quick', busy_machine, max_examples=50, derandomize=True)
-    settings.register_profile('thorough', busy_machine)
-    settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'quick'))
+    for profile in SCALES:
+        settings.register_profile(
+            profile, busy_machine, max_examples=examples(50), derandomize=profile != 'thorough')
+    settings.load_profile(PROFILE)
 
 # The benchmarks are not installed.
 sys.path.append(str(Path(__file__).resolve().parent.parent))

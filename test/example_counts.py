@@ -11,16 +11,18 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The number of examples of a property test whose examples take long."""
+"""How many examples a property test tries."""
 
 from __future__ import annotations
 
-from hypothesis import settings
+import os
 
-#: How many times more examples `make test-all` tries than `make test`.
-THOROUGH = 5
+#: What ``make test`` runs is quick, what ``make colcon`` runs once more tries few examples, and
+#: ``make test-all`` is thorough: each with its number of examples by that of ``make test``.
+SCALES = {'few': 0.2, 'quick': 1.0, 'thorough': 5.0}
+PROFILE = os.environ.get('HYPOTHESIS_PROFILE', 'quick')
 
 
 def examples(count: int) -> int:
-    """Return how many examples to try; a number of ``count`` in ``make test``."""
-    return count if settings.default.derandomize else THOROUGH * count
+    """Return how many examples to try where ``make test`` tries ``count``."""
+    return max(1, round(SCALES[PROFILE] * count))

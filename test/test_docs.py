@@ -93,8 +93,8 @@ def test_quotes_are_compared_approximately_and_with_wildcards(quoted, printed, s
 
 #: The pages that take longest, by which process of ``make docs`` runs them, one after the other.
 GROUPS = (
-    ('floor',), ('lesson', 'pipe'), ('report', 'kachaka', 'recording'), ('calibration',),
-    ('README',))
+    ('floor',), ('lesson', 'pipe'), ('report', 'kachaka', 'recording'), ('calibration', 'fleet'),
+    ('README', 'commands'))
 
 
 def documents_to_run() -> list[object]:

@@ -41,6 +41,7 @@ END
 
 rm -r "src/$name/$name"  # pytest would find it before the installed package
 selection='not ros and not real_time and not slow'
+export HYPOTHESIS_PROFILE=few
 
 # Plug-ins may keep tests from being found, and then nothing fails: as many tests must have run as
 # a pytest without any of them finds.
