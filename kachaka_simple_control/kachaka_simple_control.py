@@ -182,7 +182,8 @@ class KachakaSimpleControl(DriveNode):
         :raises RobotNotFoundError: if no robot receives the velocities; nothing has moved
         :raises ControlError: if the motion could not be completed; the robot was stopped
         """
-        if (motion_file := self._motion_file(motion)) is not None:
+        motion_file = self._motion_file(motion)
+        if motion_file is not None:
             motion, rate = motion_file.motion, motion_file.rate if rate is None else rate
             limits = limits or motion_file.check(
                 self.profile.planning_limits, self.profile.name, self.node_parameters.closed_loop,
@@ -204,7 +205,8 @@ class KachakaSimpleControl(DriveNode):
             motion = replace(motion, corners=self.node_parameters.corners)
         self.drive(DriveOrder.of(
             motion, self.profile.planning_limits, rate, limits,
-            self.node_parameters.closed_loop), request)
+            self.node_parameters.closed_loop,
+            None if motion_file is None else motion_file.as_text()), request)
 
     def drive(self, order: DriveOrder, request: DriveRequest | None = None) -> None:
         """

@@ -95,7 +95,10 @@ class SimulatedDrive:
         :param factors: when the speed factor is set [s after t = 0], and its parts by name
         """
         planned = plan(motion, self.limits, self._rate)
-        self.publish(MotionPlanned(motion, self.limits, self._rate))
+        session = self.drive_log.session_started
+        assert session is not None
+        self.publish(MotionPlanned(
+            motion, self.limits, self._rate, motion_file=session.motion_file))
         for _ in range(0 if self._count else 10):
             self._send(self.now + 0.05, ZERO, VelocityKind.PRIME)
         start = self.now + 0.0005

@@ -44,7 +44,8 @@ def test_forward_drives_forward(example, listener):
         assert started.end() == 0, started.text
     held = listener.moves()
     assert [(held[0].linear_x, held[0].angular_z)] == [(h.linear_x, h.angular_z) for h in held]
-    assert held[0].linear_x * held[0].duration == pytest.approx(0.1, rel=0.02)
+    # On a loaded machine a velocity may be sent 10 ms late.
+    assert held[0].linear_x * held[0].duration == pytest.approx(0.1, rel=0.05)
     assert len(listener.released) == 1
 
 

@@ -37,6 +37,7 @@ from kachaka_simple_control.control.events import (
     WatchChanged,
     WatchState,
 )
+from kachaka_simple_control.motion.drive_order import MotionText
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
 from kachaka_simple_control.motion.steps import Step
 
@@ -291,6 +292,13 @@ class DriveLog:
         """Return how long the robot keeps a velocity without a new message [s]; inf if unknown."""
         started = self.session_started
         return math.inf if started is None else started.command_timeout
+
+    @property
+    def motion_file(self) -> MotionText | None:
+        """Return the file of all motions; None if some have none, or another one."""
+        first, *others = [motion.planned.motion_file for motion in self.motions] or [
+            None if self.session_started is None else self.session_started.motion_file]
+        return first if all(other == first for other in others) else None
 
     def on_event(self, event: Event) -> None:  # noqa: C901 (one case a kind)
         """Add an event of the drive, such as a sent velocity or an odometry sample, to the log."""

@@ -28,6 +28,7 @@ from functools import cached_property
 from typing import get_args, NamedTuple
 
 from kachaka_simple_control.control.speed_factor import product
+from kachaka_simple_control.motion.drive_order import MotionText
 from kachaka_simple_control.motion.floor import Floor
 from kachaka_simple_control.motion.geometry import Footprint, Point, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
@@ -81,10 +82,7 @@ class SessionStarted:
     :param odometry_topic: after namespace and remapping; None without odometry
     :param footprint: the outline of the robot; None if it is unknown
     :param command: the command line; empty if there was none
-    :param motion_source: the path of the motion file; empty if the motion is not from a file
-    :param motion_text: the text of the motion file; None if the motion is not from a file
-    :param motion_values: what its parameters were given, by name, as text
-    :param motion_included: the text of each file that it includes, by name or path
+    :param motion_file: that of the motion that the program was started with; None without one
     :param movement_count: how many motions the program will drive; None if unknown
     :param floor: what stands on the floor of a simulated robot, in the frame in which it starts;
         None if unknown
@@ -103,10 +101,7 @@ class SessionStarted:
     settings: Mapping[str, object] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     command: str = ''
-    motion_source: str = ''
-    motion_text: str | None = None
-    motion_values: Mapping[str, str] = field(default_factory=dict)
-    motion_included: Mapping[str, str] = field(default_factory=dict)
+    motion_file: MotionText | None = None
     movement_count: int | None = None
     has_keys: bool = False
     floor: Floor | None = None
@@ -118,6 +113,7 @@ class MotionPlanned:
     A motion was planned; the program may have no control of the robot yet.
 
     :param carried: the plan; None in another process if it has more than MAX_CARRIED_STEPS steps
+    :param motion_file: None if the motion is not from a file
     """
 
     motion: Motion
@@ -125,6 +121,7 @@ class MotionPlanned:
     rate: float
     time: float | None = None
     carried: Plan | None = field(default=None, repr=False, compare=False)
+    motion_file: MotionText | None = field(default=None, repr=False)
 
     @cached_property
     def plan(self) -> Plan:

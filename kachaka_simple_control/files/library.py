@@ -78,7 +78,8 @@ def text_of(name_or_path: str) -> tuple[str, str, Mapping[str, str]]:
     :raises UnreadableFileError: if there is no such motion, or the file cannot be read
     """
     motion = _recorded(name_or_path)
-    return (*look_up(name_or_path, 'motions', library()), {}) if motion is None else motion[:3]
+    return (*look_up(name_or_path, 'motions', library()), {}) if motion is None else (
+        motion.source, motion.text, motion.values)
 
 
 def _recorded(path: str) -> RecordedMotion | None:

@@ -34,7 +34,7 @@ from kachaka_simple_control.files.document import (
 from kachaka_simple_control.files.parameters import Parameter
 from kachaka_simple_control.files.robot_profile import Laser, RobotProfile
 from kachaka_simple_control.files.watch_check import watch_errors
-from kachaka_simple_control.motion.drive_order import DriveOrder
+from kachaka_simple_control.motion.drive_order import DriveOrder, MotionText
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.plan import find_errors
 from kachaka_simple_control.motion.steps import Motion
@@ -124,6 +124,11 @@ class MotionFile:
         problem = self.problem(InvalidMotionError('', path))
         return location(problem.source or self.source, problem.line)
 
+    def as_text(self) -> MotionText | None:
+        """Return what a report keeps of it; None if it was not read from a YAML text."""
+        return None if self.text is None else MotionText(
+            self.source, self.text, dict(self.values), self.included_texts)
+
     @property
     def included_texts(self) -> dict[str, str]:
         """Return the text of each file that it includes, also in others, by ``included_key``."""
@@ -181,7 +186,8 @@ class MotionFile:
         # What a closed loop adds at the end is slowed, too: all robots of a fleet have one scale.
         motion = self.motion.settled() if closed_loop else self.motion
         return DriveOrder.of(
-            slowed(motion, speed), robot.planning_limits, rate, limits.slowed(speed), closed_loop)
+            slowed(motion, speed), robot.planning_limits, rate, limits.slowed(speed), closed_loop,
+            self.as_text())
 
     def error_at(self, path: str, message: str) -> MotionFileError:
         """Return an error about one value of the file, with the line number of the value."""

@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 import json
 import os
-from typing import Any, NamedTuple
+from typing import Any
 
 from kachaka_simple_control.files.document import (
     MotionFileError,
@@ -31,6 +31,7 @@ from kachaka_simple_control.files.motion_file import MotionFile
 from kachaka_simple_control.files.motion_reader import loads
 from kachaka_simple_control.files.parameters import Given, Value
 from kachaka_simple_control.files.yaml_document import read_bytes
+from kachaka_simple_control.motion.drive_order import MotionText
 
 SUFFIX = '.json'
 #: Increases when a field is removed or changes its meaning; new fields may be added at any time.
@@ -55,18 +56,8 @@ def read_json(path: str | os.PathLike[str]) -> Any:
         raise UnreadableFileError(Problem('this is not JSON')) from None
 
 
-class RecordedMotion(NamedTuple):
-    """
-    The file of a motion as a report keeps it.
-
-    :param values: what its parameters were given, by name
-    :param included: the texts of the files that it includes, as in ``MotionFile.included_texts``
-    """
-
-    source: str
-    text: str
-    values: Mapping[str, str]
-    included: Mapping[str, str]
+class RecordedMotion(MotionText):
+    """The file of a motion that is read again from a report."""
 
     def read(self, values: Mapping[str, Given] | None = None) -> MotionFile:
         """
@@ -84,7 +75,7 @@ class RecordedMotion(NamedTuple):
 
         Files that say the same in other words do not differ.
         """
-        if self[1:] == other[1:]:
+        if replace(self, source='') == replace(other, source=''):
             return None
         try:
             first, second = self.read(), other.read()
@@ -148,5 +139,6 @@ def motion_of_report(data: object) -> RecordedMotion:
     if motion is None:
         raise UnreadableFileError(Problem(
             'this is the report of the lesson, which has no file: name `lesson`'
-            if data.get('title') == 'lesson' else 'the motion of this report was not from a file'))
+            if data.get('title') == 'lesson' else
+            'this drive had no motion from a file, or several'))
     return motion

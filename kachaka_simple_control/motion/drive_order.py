@@ -19,13 +19,30 @@ Tested by test/ros/test_robot.py.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Motion
+
+
+@dataclass(frozen=True)
+class MotionText:
+    """
+    The file of a motion, as a report keeps it.
+
+    :param source: its path or name
+    :param values: what its parameters were given, by name, as text
+    :param included: the text of each file that it includes, as in ``MotionFile.included_texts``
+    """
+
+    source: str
+    text: str
+    values: Mapping[str, str]
+    included: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -38,6 +55,7 @@ class DriveOrder:
     :param motion: for a closed loop, its last step is a settle
     :param allowed: the limits of the plan; ``plan()`` raises an error for a velocity beyond them
     :param corrected: the limits of the corrected velocities; None without a closed loop
+    :param motion_file: None if the motion is not from a file
     """
 
     motion: Motion
@@ -45,10 +63,11 @@ class DriveOrder:
     rate: float
     allowed: Limits
     corrected: Limits | None = None
+    motion_file: MotionText | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def of(cls, motion: Motion, robot: Limits, rate: float, limits: Limits | None = None,
-           is_closed_loop: bool = False) -> DriveOrder:
+           is_closed_loop: bool = False, motion_file: MotionText | None = None) -> DriveOrder:
         """
         Return the order for a motion; a closed loop gets a settle step at its end.
 
@@ -56,9 +75,9 @@ class DriveOrder:
         """
         limits = limits or robot
         if not is_closed_loop:
-            return cls(motion, limits, rate, robot)
+            return cls(motion, limits, rate, robot, motion_file=motion_file)
         return cls(motion.settled(), limits.scaled(CLOSED_LOOP_SHARE), rate,
-                   robot.scaled(CLOSED_LOOP_SHARE), limits.tightened(robot))
+                   robot.scaled(CLOSED_LOOP_SHARE), limits.tightened(robot), motion_file)
 
     @cached_property
     def plan(self) -> Plan:

@@ -89,8 +89,9 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
         headline = f'{headline}, with {pluralize(lost, "message")} lost'
     return render_template(
         'report.html.j2', summary=summary, log=summary.log,
-        session=summary.log.session_started, aligned=summary.aligned, timing=summary.timing,
-        sleep_loop=summary.sleep_loop, outcome=outcome, kind=kind, sign=sign, headline=headline,
+        session=summary.log.session_started, file=summary.log.motion_file,
+        aligned=summary.aligned, timing=summary.timing, sleep_loop=summary.sleep_loop,
+        outcome=outcome, kind=kind, sign=sign, headline=headline,
         plots=plots, no_plots=no_plots, recording=recording, ended=_ended(summary),
         began=began and began.astimezone().isoformat(' ', 'seconds'), silence=_silence(summary),
         poses=list(_poses(summary)), steps=steps, all_steps=all_steps, shown=SHOWN,

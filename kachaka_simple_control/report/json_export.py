@@ -37,7 +37,6 @@ from kachaka_simple_control.analysis.summary import (
     SpeedInterval,
     Summary,
 )
-from kachaka_simple_control.control.events import SessionStarted
 from kachaka_simple_control.files.report_file import FORMAT
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.motion.paths import simplify
@@ -95,14 +94,14 @@ def fields(summary: Summary, recording: str | None) -> Fields:
     :returns: the results; an unknown value is None, infinite or NaN
     """
     log = summary.log
-    session, end = log.session_started, log.session_ended
+    session, end, file = log.session_started, log.session_ended, log.motion_file
     began = start_datetime(summary)
     return {
         'format': FORMAT,
         'title': None if session is None else session.title,
         'robot': None if session is None else session.robot,
         'command': None if session is None else session.command or None,
-        'motion_file': None if session is None else motion_file(session),
+        'motion_file': None if file is None else asdict(file),
         'began': None if began is None else began.isoformat(timespec='milliseconds'),
         'verdict': _outcome(summary),
         'duration': {'planned_s': summary.planned_duration, 'driven_s': summary.driven_duration},
@@ -129,13 +128,6 @@ def fields(summary: Summary, recording: str | None) -> Fields:
         'settings': {} if session is None else dict(session.settings),
         'versions': {} if session is None else dict(session.versions),
     }
-
-
-def motion_file(session: SessionStarted) -> Fields | None:
-    """Return what a drive keeps of the file of its motion, to drive it again; None without one."""
-    return None if session.motion_text is None else {
-        'source': session.motion_source, 'text': session.motion_text,
-        'values': dict(session.motion_values), 'included': dict(session.motion_included)}
 
 
 def start_datetime(summary: Summary) -> datetime | None:

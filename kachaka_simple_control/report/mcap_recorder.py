@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 import importlib.util
 import json
 import math
@@ -38,9 +38,9 @@ from kachaka_simple_control.control.events import (
     WatchChanged,
 )
 from kachaka_simple_control.files import cdr
+from kachaka_simple_control.motion.drive_order import MotionText
 from kachaka_simple_control.motion.geometry import ORIGIN
 from kachaka_simple_control.motion.paths import sample_path
-from kachaka_simple_control.report.json_export import motion_file
 from kachaka_simple_control.report.output_file import CrashSafeFile, NEEDS_MCAP
 
 if TYPE_CHECKING:
@@ -263,6 +263,8 @@ class McapRecorder:
         self._path = directory / FILE_NAME
         #: by name; that of the only robot of a node is empty
         self._robots: dict[str, _RobotRecorder] = {}
+        #: the newest file of a motion, by robot
+        self._kept: dict[str, MotionText] = {}
         #: the numbers of the message types in the file
         self._schemas: dict[str, int] = {}
         self._pending: list[_Message] = []
@@ -287,6 +289,8 @@ class McapRecorder:
         if isinstance(event, SessionStarted):
             self._attempt(lambda: self._start(event, robot))
         elif robot in self._robots:
+            if isinstance(event, MotionPlanned):
+                self._attempt(lambda: self._keep(event.motion_file, robot))
             self._attempt(lambda: self._pending.extend(
                 self._robots[robot].messages(event, self._stamp)))
 
@@ -336,11 +340,17 @@ class McapRecorder:
         self._robots[robot] = _RobotRecorder(session, robot)
         for topic in self._robots[robot].topics.values():
             self._register(topic)
-        if (motion := motion_file(session)) is not None:
-            # The values of a record of metadata are texts.
-            self._writer.add_metadata(MOTION_FILE, {'robot': robot, **{
-                name: value if isinstance(value, str) else json.dumps(value)
-                for name, value in motion.items()}})
+        self._keep(session.motion_file, robot)
+
+    def _keep(self, motion: MotionText | None, robot: str) -> None:
+        """Keep the file of a motion, unless it is that of the motion before."""
+        if motion is None or motion == self._kept.get(robot):
+            return
+        self._kept[robot] = motion
+        # The values of a record of metadata are texts.
+        self._writer.add_metadata(MOTION_FILE, {'robot': robot, **{
+            name: value if isinstance(value, str) else json.dumps(value)
+            for name, value in asdict(motion).items()}})
 
     def _create(self) -> None:
         # Imported here, because the report also works without mcap.

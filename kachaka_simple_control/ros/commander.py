@@ -152,7 +152,8 @@ class Commander:
         for robot, order in orders.items():
             robot.drive.request(time.monotonic(), order.motion.name, order.plan)
             robot.publish(MotionPlanned(
-                order.motion, order.limits, order.rate, time.monotonic(), order.plan))
+                order.motion, order.limits, order.rate, time.monotonic(), order.plan,
+                order.motion_file))
         plans = [order.plan for order in orders.values()]
         sources: Sequence[VelocitySource] = [TickScheduler(plan) for plan in plans]
         if len(plans) > 1:

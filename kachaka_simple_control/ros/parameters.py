@@ -163,10 +163,6 @@ def session_started(
     :param motion_file: None if the motion is not from a file
     :param about: more fields of the event
     """
-    if motion_file is not None:
-        about = {**about, 'motion_source': motion_file.source, 'motion_text': motion_file.text,
-                 'motion_values': dict(motion_file.values),
-                 'motion_included': motion_file.included_texts}
     profile, names = settings.profile, settings.names
     return SessionStarted(
         title=title,
@@ -185,6 +181,7 @@ def session_started(
                       ('odometry_calibration', profile.odometry_calibration))
                      if calibration is not None}},
         versions=_versions(),
+        motion_file=None if motion_file is None else motion_file.as_text(),
         **about)
 
 

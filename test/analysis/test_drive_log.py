@@ -13,6 +13,7 @@
 # limitations under the License.
 """The drive log of drives that did not go as planned."""
 
+from dataclasses import replace
 import re
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
@@ -22,6 +23,7 @@ from kachaka_simple_control.control.events import (
     MotionPlanned,
     MotionStarted,
 )
+from kachaka_simple_control.motion.drive_order import MotionText
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
@@ -48,6 +50,17 @@ def stopped(after, reason='stopped by SIGINT'):
     if reason:
         record.on_event(MotionEnded(100.5 + after, reason))
     return record
+
+
+def test_the_file_of_a_motion_is_known_if_there_was_one():
+    one, other = (MotionText(name, '', {}, {}) for name in 'ab')
+    drive = SimulatedDrive()
+    assert drive.drive_log.motion_file is None
+    drive.publish(replace(drive.drive_log.session_started, motion_file=one))
+    assert drive.drive_log.motion_file == one  # before anything was planned
+    for planned, known in ((other, other), (other, other), (one, None), (None, None)):
+        drive.publish(MotionPlanned(MOTION, Limits(0.3, 1.5), 10.0, motion_file=planned))
+        assert drive.drive_log.motion_file == known
 
 
 @pytest.mark.parametrize('reason', ['stopped by SIGINT', None])

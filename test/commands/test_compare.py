@@ -48,8 +48,7 @@ def reports(tmp_path, monkeypatch):
             file = find('square', **values)
             motion = file.motion
             simulated.publish(replace(
-                simulated.drive_log.session_started, motion_source=file.source,
-                motion_text=file.text, motion_values=dict(file.values)))
+                simulated.drive_log.session_started, motion_file=file.as_text()))
         simulated.drive(motion, until, 'stopped by a test' if until < math.inf else None)
         (tmp_path / name).mkdir()
         (tmp_path / name / 'run.json').write_text(run_json(Summary(simulated.close()), None))

@@ -21,6 +21,9 @@ import signal
 import subprocess
 import time
 
+from kachaka_simple_control.files.library import find
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.motion.plan import plan
 from program import COMMAND, EndedError, environment, JsonProcess, Program
 import pytest
 from waiting import poll, wait_until
@@ -97,10 +100,10 @@ class Remote:
 
 
 @contextmanager
-def remote(*options):
+def remote(*options, command=PIPE):
     """Start the command in a block."""
     control = Remote()
-    with JsonProcess([*PIPE, *options], control.on_line, env=environment()) as process:
+    with JsonProcess([*command, *options], control.on_line, env=environment()) as process:
         control.process = process
         yield control
 
@@ -278,6 +281,25 @@ def test_a_motion_that_cannot_be_driven_is_refused_with_its_line(listener, text,
         assert not answer['is_done']
         assert part in answer['text']
         assert not moves(listener)
+
+
+def test_a_report_keeps_the_file_of_the_motion_that_was_run(listener, tmp_path):
+    texts = {'part.yaml': 'parameters: {way: {}}\nsteps: [forward: $way]\n'}
+    text = ('parameters: {way: 9 m}\n'
+            'steps: [include: {motion: ./part.yaml, with: {way: $way / 2}}]\n')
+    command = [*COMMAND, '--report', str(tmp_path / 'report'), *PIPE[len(COMMAND):]]
+    with remote(command=command) as control:
+        control.take()
+        answer = control.ask(
+            'run', text=text, name='mine.yaml', values={'way': '10 cm'}, included=texts)
+        assert answer['is_done'], answer
+        wait_until(lambda: moves(listener))
+        wait_until(lambda: control.states[-1]['state'] == 'ready')
+        control.send('release')
+        assert control.process.end() == 0
+    file = find(str(tmp_path / 'report' / 'run.json'))
+    assert (file.values, file.included_texts) == ({'way': '10 cm'}, texts)
+    assert plan(file.motion, KACHAKA.limits, 10.0).steps[-1].pose.x == pytest.approx(0.05)
 
 
 def test_a_line_that_is_no_command_is_reported_and_nothing_else_happens(listener):

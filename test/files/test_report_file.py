@@ -57,8 +57,7 @@ def write_report(path: Path, file: MotionFile, title: str = 'mine') -> dict[str,
     """Write the ``run.json`` of a drive of a motion that never began; return its content."""
     drive = SimulatedDrive(title=title)
     drive.publish(replace(
-        drive.drive_log.session_started, motion_source=file.source, motion_text=file.text,
-        motion_values=dict(file.values), motion_included=file.included_texts))
+        drive.drive_log.session_started, motion_file=file.as_text()))
     path.write_text(run_json(Summary(drive.close()), None))
     return json.loads(path.read_text())
 
@@ -131,7 +130,7 @@ def test_a_motion_that_is_written_as_json_is_no_report(driven):
     ('{"a": 1}', ': this is not the run.json of a report'),
     ({'fleet': 'two'}, ': this is the report of a fleet; only that of one robot has one motion'),
     ({'format': 2}, ': this is the report of another version'),
-    ({'motion_file': None}, ': the motion of this report was not from a file'),
+    ({'motion_file': None}, ': this drive had no motion from a file, or several'),
     ({'motion_file': None, 'title': 'lesson'}, (
         ': this is the report of the lesson, which has no file: name `lesson`')),
     ({'motion_file': 7}, ': its motion_file was edited'),
@@ -166,4 +165,4 @@ PARTS = 'parameters: {side: 1 m, laps: 2}\nsteps: [{forward: $side}, {include: .
 ])
 def test_motions_differ_in_what_they_say(change, difference):
     one = RecordedMotion('./a.yaml', PARTS, {}, {'part.yaml': 'steps: [wait: 1 s]'})
-    assert one.difference(one._replace(**change)) == difference
+    assert one.difference(replace(one, **change)) == difference

@@ -31,6 +31,7 @@ from kachaka_simple_control.control.events import (
     WatchChanged,
     WatchState,
 )
+from kachaka_simple_control.motion.drive_order import MotionText
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.mcap_recorder import McapRecorder
@@ -204,13 +205,16 @@ def test_the_file_has_its_metadata(tmp_path):
 
 
 def test_the_file_of_a_motion_is_kept_before_the_robot_moves(tmp_path):
-    """Of each robot, with values and included texts, in a file without an end, too."""
+    """Of each robot and motion, with values and included texts, in a file without an end, too."""
     make_reader = pytest.importorskip('mcap.reader').make_reader
     recorder = McapRecorder(tmp_path)
     for name in ('r1', 'r2'):
         recorder.on_event(RobotEvent(name, replace(
-            TWIST, motion_source=f'{name}.yaml', motion_text='steps: []\n',
-            motion_values={'side': '1 m'}, motion_included={'square': 'steps: []'})))
+            TWIST, motion_file=MotionText(
+                f'{name}.yaml', 'steps: []\n', {'side': '1 m'}, {'square': 'steps: []'}))))
+    for name in ('again', 'again', 'r1'):
+        recorder.on_event(RobotEvent('r1', replace(PLANNED, motion_file=MotionText(
+            f'{name}.yaml', '', {}, {}))))
     recorder.on_event(RobotEvent('r1', of_plan(10.0)))
     recorder.flush(10.0)
     with (tmp_path / 'run.mcap').open('rb') as stream:
@@ -220,7 +224,9 @@ def test_the_file_of_a_motion_is_kept_before_the_robot_moves(tmp_path):
     assert kept == [{
         'robot': name, 'source': f'{name}.yaml', 'text': 'steps: []\n',
         'values': '{"side": "1 m"}', 'included': '{"square": "steps: []"}'}
-        for name in ('r1', 'r2')]
+        for name in ('r1', 'r2')] + [
+        {'robot': 'r1', 'source': f'{name}.yaml', 'text': '', 'values': '{}', 'included': '{}'}
+        for name in ('again', 'r1')]
     for read in READERS:
         assert velocities(read(tmp_path / 'run.mcap'), TWIST)
 

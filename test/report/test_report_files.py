@@ -34,6 +34,7 @@ from kachaka_simple_control.control.events import (
     VelocityKind,
     VelocitySent,
 )
+from kachaka_simple_control.motion.drive_order import MotionText
 from kachaka_simple_control.motion.geometry import Pose, relative_to, Velocity, ZERO
 from kachaka_simple_control.motion.include import Include
 from kachaka_simple_control.motion.limits import Limits
@@ -119,14 +120,13 @@ def test_the_limits_that_the_motion_was_planned_with_are_shown(tmp_path):
 
 
 def test_a_report_says_how_to_drive_it_again(tmp_path):
-    log = done()
+    drive = SimulatedDrive()
     text = 'name: <again>\nparameters: {side: 1 m}\nsteps:\n  - include: ./part.yaml\n'
     included = {'./part.yaml': 'steps: []  # <part>'}
-    log.session_started = replace(
-        log.session_started, command="kachaka_simple_control 'my file.yaml' --rate 20",
-        motion_source='my file.yaml', motion_text=text, motion_values={'side': '<0.5 m>'},
-        motion_included=included)
-    write_report(log, tmp_path, None)
+    drive.publish(replace(
+        drive.drive_log.session_started, command="kachaka_simple_control 'my file.yaml' --rate 20",
+        motion_file=MotionText('my file.yaml', text, {'side': '<0.5 m>'}, included)))
+    write_report(drive.close(), tmp_path, None)
     told = json.loads((tmp_path / 'run.json').read_text())
     assert told['command'] == "kachaka_simple_control 'my file.yaml' --rate 20"
     assert told['motion_file'] == {
