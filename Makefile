@@ -57,7 +57,7 @@ test-all: test-lowest  ## test so, with more examples, under each Python from 3.
 	        MARKED=$$([ $$distro = jazzy ] || echo distro) || exit 1; \
 	done; done
 
-test-lowest:  ## test what needs no ROS with the oldest releases, under Python 3.10; 4 minutes
+test-lowest:  ## test what needs no ROS with the oldest releases, under Python 3.10; 10 minutes
 	@python3.10 tools/set_up.py --for=lowest .venv-lowest
 	.venv-lowest/bin/python -m pytest -m 'not ros' test
 

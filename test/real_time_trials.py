@@ -37,6 +37,7 @@ MAX_TRIALS = 3
 #: Where the observers write; given to the workers of pytest-xdist.
 FOLDER = 'STALL_OBSERVERS'
 REPEATED = 'repeated_because'
+IS_PYTEST_6 = pytest.__version__.startswith('6.')
 #: The marks of real-time tests.
 MARKS = {'ros', 'real_time'}
 
@@ -76,7 +77,8 @@ class RealTimeTrials:
                 break
             reasons.append(describe(stalls))
             # A fixture of the module, too, is made anew: it would fail as before.
-            item.session._setupstate.teardown_exact(None)
+            # Pytest 6, which Ubuntu 22.04 has, wants the item as well.
+            item.session._setupstate.teardown_exact(*[item] * IS_PYTEST_6, None)
         for report in reports:
             report.user_properties.append((REPEATED, reasons))
             item.ihook.pytest_runtest_logreport(report=report)
