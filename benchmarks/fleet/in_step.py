@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import groupby
 import math
 from typing import NamedTuple
 
@@ -33,7 +34,7 @@ from kachaka_simple_control.motion.plan import Plan
 
 #: Velocities and times that differ by less are equal [m/s, rad/s, s].
 ROUNDING = 1e-9
-#: The first message may be later than others, by which the ticks are found [s].
+#: By how much a message may be more punctual than all by which t = 0 is found [s].
 EARLY = 0.005
 
 
@@ -96,7 +97,7 @@ def moved_after(records: Records, zeros: Mapping[str, float | None]) -> int:
 
 def lateness(records: Records, planned: Sequence[PlannedTick]) -> Lateness:
     """Return how late each message was after its tick, and after the most punctual of all."""
-    origin = min(filter(None, firsts(records).values()), default=0.0)
+    origin = _origin(records, planned)
     guess = {name: _on_ticks(sent, planned, origin) for name, sent in records.items()}
     least = min(known(guess), default=0.0)
     return {name: [None if late is None else late - least for late in robot]
@@ -156,6 +157,25 @@ def departure(
 
 def _first(sent: Iterable[Sent], condition: Callable[[Sent], bool]) -> float | None:
     return next((one.time for one in sent if condition(one)), None)
+
+
+def _origin(records: Records, planned: Sequence[PlannedTick]) -> float:
+    """
+    Return t = 0 by the most punctual message that begins a velocity [s, system clock].
+
+    Which tick that belongs to needs no time, and the first message of a drive is often late.
+    """
+    begun = [number for number, tick in enumerate(planned)
+             if not number or tick.velocity != planned[number - 1].velocity]
+    times = []
+    for sent in records.values():
+        runs = groupby((one for one in sent if one.moves), key=lambda one: one[1:])
+        for (_, run), number in zip(runs, begun):
+            first = next(run)
+            if not planned[number].is_sent(first):
+                break
+            times.append(first.time - planned[number].due)
+    return min(times, default=0.0)
 
 
 def _on_ticks(
