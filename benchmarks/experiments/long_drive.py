@@ -23,11 +23,14 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
+import fcntl
 from itertools import pairwise
 import json
 from pathlib import Path
+import struct
 import sys
 import tempfile
+import termios
 import time
 
 from benchmarks import ROOT
@@ -84,6 +87,15 @@ def private_memory(pid: int | None) -> float | None:
     return sum(int(line.split()[1]) for line in lines if line.startswith('Private_')) / 1000
 
 
+def waiting(pid: int | None) -> float | None:
+    """Return what a process has not read of its standard input [kB]; None if it has ended."""
+    try:
+        with Path(f'/proc/{pid}/fd/0').open('rb', buffering=0) as pipe:
+            return struct.unpack('i', fcntl.ioctl(pipe, termios.FIONREAD, bytes(4)))[0] / 1000
+    except GONE:
+        return None
+
+
 def longest_interval(recording: Path, topic: str, stalls: Sequence[Stall]) -> float:
     """Return the longest interval between two velocities, except during stalls of a core [s]."""
     from mcap.reader import make_reader
@@ -96,8 +108,12 @@ def longest_interval(recording: Path, topic: str, stalls: Sequence[Stall]) -> fl
                if not any(stall.meets(begin, end) for stall in stalls))
 
 
-def samples(drive: Program, namespace: str) -> Iterator[tuple[float, float, float]]:
-    """Pause and resume a drive until its end; yield time [s], memory of node and reader [MB]."""
+def samples(drive: Program, namespace: str) -> Iterator[tuple[float, float, float, float]]:
+    """
+    Pause and resume a drive until its end.
+
+    Yield the time [s], the memory of node and reader [MB], and what the reader has not read [kB].
+    """
     import rclpy
     from std_srvs.srv import Trigger
     rclpy.init(args=[])
@@ -112,9 +128,10 @@ def samples(drive: Program, namespace: str) -> Iterator[tuple[float, float, floa
                     node, client.call_async(Trigger.Request()), timeout_sec=5.0)
             time.sleep(PAUSE_DURATION)
         node_memory = private_memory(drive.process.pid)
-        reader_memory = private_memory(find_process(children_of(drive.process.pid), READER))
-        if node_memory is not None and reader_memory is not None:
-            yield time.monotonic() - began, node_memory, reader_memory
+        reader = find_process(children_of(drive.process.pid), READER)
+        reader_memory, unread = private_memory(reader), waiting(reader)
+        if node_memory is not None and reader_memory is not None and unread is not None:
+            yield time.monotonic() - began, node_memory, reader_memory, unread
         time.sleep(PAUSE_PERIOD - 2 * PAUSE_DURATION)
     node.destroy_node()
     rclpy.shutdown()
@@ -142,7 +159,8 @@ def main(arguments: list[str] | None = None) -> int:
             found = []
             for sample in samples(drive, ''):
                 found.append(sample)
-                print('{:7.0f} s  node {:7.2f} MB  reader {:7.2f} MB'.format(*sample), flush=True)
+                print('{:7.0f} s  node {:7.2f} MB  reader {:7.2f} MB, {:7.1f} kB behind'.format(
+                    *sample), flush=True)
             code = drive.end()
             print(drive.text[-300:])
         stalls = observers.between(began, time.monotonic())

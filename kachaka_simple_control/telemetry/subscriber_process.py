@@ -51,8 +51,9 @@ CHUNK_SIZE = 3500
 PIPE_SIZE = 1 << 20
 #: Events that are sent while no robot moves.
 AT_REST = (FleetStarted, SessionStarted, MotionPlanned)
-#: How long an event that is not sent while the robot moves may wait for room in the pipe [s].
-PLAN_WRITE_TIMEOUT = 2.0
+#: How long an event that is not sent while the robot moves may wait for a subscriber that reads
+#: nothing [s].  On a loaded machine one needs seconds to start, and a long plan is some megabytes.
+PLAN_WRITE_TIMEOUT = 10.0
 #: How long a subscriber may take to end, mostly to write its report [s].
 FINISH_TIMEOUT = 60.0
 #: A subscriber that is suspended for this time while it should end is killed [s].  The second
@@ -154,8 +155,8 @@ class SubscriberProcess:
         """
         Send events, unless the pipe is full or the process has ended: ``failure`` says why then.
 
-        Events at rest (AT_REST, and those of several writes) wait for room for up to
-        PLAN_WRITE_TIMEOUT.
+        Events at rest (AT_REST, and those of several writes) wait until there is room; for up to
+        PLAN_WRITE_TIMEOUT if the process reads nothing.
         """
         if self.failure is not None:
             return
@@ -191,10 +192,11 @@ class SubscriberProcess:
         return self.exit_code
 
     def _write_all(self, packets: Sequence[bytes], timeout: float) -> None:
-        # The chunks of two events must not be mixed, but a whole event may come between chunks.
-        end = time.monotonic() + timeout
-        with self._chunk_lock:
+        # The chunks of two events must not be mixed, but a whole event may come between chunks:
+        # the end of a session does not wait for a plan.
+        with self._chunk_lock if len(packets) > 1 else contextlib.nullcontext():
             for packet in packets:
+                end = time.monotonic() + timeout
                 while True:
                     try:
                         self._write(packet)

@@ -16,8 +16,10 @@
 import contextlib
 import io
 import resource
+import signal
 import sys
 import threading
+import time
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -35,6 +37,7 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.process.signals import signal_dispatcher
+from kachaka_simple_control.telemetry import subscriber_process
 from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.event_file import EventFile
 from kachaka_simple_control.telemetry.subscriber_process import (
@@ -46,6 +49,7 @@ from kachaka_simple_control.telemetry.subscriber_process import (
 )
 from messages import of_plan
 import pytest
+from waiting import poll
 
 LONG = MotionPlanned(
     Motion('long', tuple(Move(0.1, 0.001 * k, 0.1) for k in range(1000))), Limits(0.3, 1.5), 10.0)
@@ -162,6 +166,39 @@ def test_a_subscriber_that_does_not_read_does_not_delay_the_publisher():
     assert subscriber.close(0.0) is None
     subscriber._process.kill()
     subscriber._process.wait()
+
+
+SLOW = """
+import os, time
+while data := os.read(0, 128_000):
+    time.sleep(0.25)
+"""
+
+
+def test_a_plan_waits_for_a_slow_subscriber_that_reads(monkeypatch):
+    """It takes longer than the time after which one that reads nothing is given up."""
+    monkeypatch.setattr(subscriber_process, 'PLAN_WRITE_TIMEOUT', 1.5)
+    subscriber = subscriber_of(SLOW)
+    start = time.monotonic()
+    subscriber.send(SessionEnded(1.0, error=3_000_000 * 'x'))
+    assert time.monotonic() - start > 2.0
+    assert subscriber.failure is None
+    assert subscriber.close(20.0) == 0
+
+
+def test_the_end_of_a_session_does_not_wait_for_a_plan():
+    subscriber = subscriber_of('import time; time.sleep(60)')
+    plan = threading.Thread(
+        target=subscriber.send, args=[SessionEnded(1.0, error=3_000_000 * 'x')], daemon=True)
+    plan.start()
+    assert poll(lambda: subscriber.sent_bytes > 900_000, 10.0)
+    start = time.monotonic()
+    subscriber.send(SessionEnded(1.0, error=3_000 * 'x'))
+    assert time.monotonic() - start < 2.0
+    subscriber._process.kill()
+    plan.join(20.0)
+    assert not plan.is_alive()
+    assert subscriber.close(20.0) == -signal.SIGKILL
 
 
 @pytest.mark.parametrize('is_required, error, signum, lines', [
