@@ -18,6 +18,7 @@ import json
 import os
 import re
 import signal
+from statistics import median
 import time
 from urllib.parse import urlsplit
 
@@ -102,7 +103,7 @@ def test_a_held_key_sends_20_times_a_second(page):
     # The drive process asks for a zero before the first velocity, and gets one at the end.
     assert [is_zero(hand) for hand in hands] == [True] + len(moving) * [False] + [True]
     gaps = [after['time'] - before['time'] for before, after in pairwise(moving)]
-    assert sum(gaps) / len(gaps) == pytest.approx(0.05, rel=0.1)
+    assert median(gaps) == pytest.approx(0.05, rel=0.1)  # on a loaded machine some are late
     assert max(gaps) < 0.2
     sequences = [hand['sequence'] for hand in hands]
     assert sequences == list(range(sequences[0], sequences[0] + len(hands)))
