@@ -30,6 +30,9 @@ pytestmark = [pytest.mark.real_time, pytest.mark.browser]
 W, ESCAPE, SPACE, BACKSPACE = 'w', '\ue00c', ' ', '\ue003'
 #: After the end of a hold, so long nothing more may be sent [s].
 QUIET = 0.5
+#: How long what a page does at once may take on a loaded machine [s].  A page that sends nothing
+#: drives the robot no longer than HAND_LEASE_TIME, which is less.
+AT_ONCE = 0.4
 
 
 @pytest.fixture(scope='module')
@@ -104,7 +107,7 @@ def test_a_held_key_sends_20_times_a_second(page):
     assert [is_zero(hand) for hand in hands] == [True] + len(moving) * [False] + [True]
     gaps = [after['time'] - before['time'] for before, after in pairwise(moving)]
     assert median(gaps) == pytest.approx(0.05, rel=0.1)  # on a loaded machine some are late
-    assert max(gaps) < 0.2
+    assert max(gaps) < AT_ONCE
     sequences = [hand['sequence'] for hand in hands]
     assert sequences == list(range(sequences[0], sequences[0] + len(hands)))
     stamps = [hand['stamp'] for hand in hands]
@@ -177,7 +180,7 @@ def test_the_end_of_a_hold_sends_one_zero_at_once_and_nothing_after_it(page, hol
     hands = page.sent('hand')
     assert len(hands) > before
     assert [is_zero(hand) for hand in hands] == [True] + (len(hands) - 2) * [False] + [True]
-    assert hands[-1]['time'] - hands[-2]['time'] < 0.15
+    assert hands[-1]['time'] - hands[-2]['time'] < AT_ONCE
     page.let_go()
 
 
@@ -207,7 +210,7 @@ def test_leaving_the_page_ends_the_hold_at_the_robot(page, record):
     end = next(place for place in reversed(range(len(hands))) if not hands[place][1])
     # Here the browser tells no more what it has sent.  The server adds a zero of its own.
     assert 1 <= len(hands) - 1 - end <= 2
-    assert hands[end + 1][0] - max(hands[end][0], left) < 0.25
+    assert hands[end + 1][0] - max(hands[end][0], left) < AT_ONCE
     page.let_go()
 
 
