@@ -97,6 +97,7 @@ def setup(app):
     """
     write_parameters()
     app.connect('autodoc-process-docstring', escape_bars)
+    app.connect('html-page-context', collapse_navigation, priority=400)  # before Furo
 
 
 def write_parameters():
@@ -120,3 +121,9 @@ def escape_bars(app, what, name, obj, options, lines):  # noqa: ARG001
     :param lines: the docstring, changed in place
     """
     lines[:] = [line.replace('|', '\\|') if '``' not in line else line for line in lines]
+
+
+def collapse_navigation(app, pagename, templatename, context, doctree):  # noqa: ARG001
+    """Let a page's sidebar expand its own branch alone: all branches take half of the build."""
+    toctree = context['toctree']
+    context['toctree'] = lambda **options: toctree(**{**options, 'collapse': True})

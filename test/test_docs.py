@@ -37,6 +37,8 @@ import pytest
 
 ALL = [block for path in DOCUMENTS for block in blocks(path)]
 
+# Each test is in one of as many groups as there are processes, or a page waits behind another one.
+pytestmark = pytest.mark.xdist_group('others')
 needs_source = pytest.mark.skipif(
     not (ROOT / '.ci').is_dir(), reason='the whole source is not here')
 
@@ -97,8 +99,8 @@ def test_quotes_are_compared_approximately_and_with_wildcards(quoted, printed, s
 
 #: The pages that take longest, by which process of ``make docs`` runs them, one after the other.
 GROUPS = (
-    ('floor',), ('lesson', 'pipe'), ('report', 'kachaka', 'recording'), ('calibration', 'fleet'),
-    ('README', 'commands'))
+    ('floor', 'motions', 'simulation'), ('lesson', 'pipe'), ('report', 'kachaka', 'recording'),
+    ('calibration', 'fleet'), ('README', 'commands'))
 
 
 def documents_to_run() -> list[object]:
