@@ -34,7 +34,7 @@ with optional_imports():
     # at random by `make test-all`.
     for profile in SCALES:
         settings.register_profile(
-            profile, busy_machine, max_examples=examples(50), derandomize=profile != 'thorough')
+            profile, busy_machine, max_examples=examples(30), derandomize=profile != 'thorough')
     settings.load_profile(PROFILE)
 
 # The benchmarks are not installed.

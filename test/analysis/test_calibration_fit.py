@@ -53,6 +53,7 @@ def robot(seed):
         heading_noise=math.radians(0.5))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(20))
 def test_the_errors_of_a_robot_are_found(seed):
     true = robot(seed)

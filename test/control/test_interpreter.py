@@ -54,6 +54,7 @@ def collect_as_a_drive_does():
         cycle.append(cycle)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('is_frozen', [False, True])
 def test_a_million_objects_are_not_searched(many, collections, is_frozen):
     gc.collect()

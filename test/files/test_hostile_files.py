@@ -73,6 +73,7 @@ HOSTILE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     not getattr(yaml, '__with_libyaml__', False),
     reason='without libyaml, which Ubuntu has, it takes longer')

@@ -69,6 +69,7 @@ def at_bounds(name: str) -> Iterator[dict[str, str]]:
         yield {one.name: value.text for one, value in zip(parameters, values)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', sorted(ENDS))
 def test_each_is_planned_and_driven_at_the_bounds_of_its_parameters(name):
     cases = [*at_bounds(name)]

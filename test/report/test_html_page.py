@@ -236,6 +236,7 @@ def test_it_is_dark_where_the_reader_wants_that(browser, reports):
     browser.execute_cdp_cmd('Emulation.setEmulatedMedia', {'features': []})
 
 
+@pytest.mark.slow
 def test_it_is_printed_completely(browser, reports):
     """With the collapsed parts, on few pages."""
     show(browser, reports / 'done' / 'report.html')

@@ -80,6 +80,7 @@ def test_a_number_belongs_to_the_middle_of_its_step():
     assert arc.x == pytest.approx(math.sqrt(0.5))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('footprint', [BOX, None])
 @pytest.mark.parametrize('motion', [
     SQUARE, SQUARE_CW, LESSON, BACK, HOUR, SPIRAL, SHUFFLE, ROUND], ids=lambda one: one.name)

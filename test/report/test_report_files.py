@@ -139,6 +139,7 @@ def test_a_report_says_how_to_drive_it_again(tmp_path):
     assert 'my file.yaml&#39; --rate 20' in page
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('drive', [done, lesson, stopped, faulted, killed, never_began])
 def test_every_ending_leaves_its_files(drive, tmp_path):
     drawn()
