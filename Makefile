@@ -96,7 +96,7 @@ docs:  ## build docs/ as a site in docs/_build, and do what it tells a reader to
 	$(SET_UP) --for=colcon $(VENV)-colcon
 	@PYTHONPATH=.$${PYTHONPATH:+:$$PYTHONPATH} nice -n 19 $(VENV)-colcon/bin/python -m sphinx \
 	    -n -W --keep-going -q -b $(DOCS) -d docs/_build/doctrees docs docs/_build/$(DOCS) & site=$$!; trap "kill $$site" INT TERM; \
-	$(VENV)-colcon/bin/python -m pytest -rs -n 6 --dist loadgroup test/test_docs.py; tests=$$?; \
+	$(VENV)-colcon/bin/python -m pytest -rs -n 4 --dist loadgroup test/test_docs.py; tests=$$?; \
 	wait $$site || { echo 'docs: Sphinx has failed, see above' >&2; exit 1; }; exit $$tests
 
 setup:  ## make the environment, if what it is made from has changed; seconds

@@ -26,7 +26,8 @@ mkdir "$folder"
 cd "$folder"
 mkdir simulated
 
-# Drive in the background: each drive has a robot and a node in a namespace of its own.
+# Drive in the background: each drive has a robot and a node in a namespace of its own.  It begins
+# when the programs of the one before have started, which takes all of the cores.
 drive() {
     report=$1
     namespace=$2
@@ -36,13 +37,14 @@ drive() {
     kachaka_simple_control square --rate 20 --quiet "$@" $floor --report "simulated/$report" \
         --ros-args -r "__ns:=/$namespace" -p "robot_namespace:=/$namespace/kachaka" > /dev/null &
     drives="$drives $!"
+    sleep 4
 }
 
 echo 'A simulated floor: 5 % and 3 % slow, 2 degrees to the left on each metre, 0.3 s late.'
 # shellcheck disable=SC2086
 kachaka_calibrate --floor simulated --output measured.yaml $floor
 sed 's/delay: .*/delay: 0 s/' measured.yaml > no_delay.yaml
-echo 'Five robots drive at the same time; one is held before a person who crosses its way.'
+echo 'Five robots drive beside each other; one is held before a person who crosses its way.'
 drive 'as it is' plain
 drive calibrated calibrated --robot ./measured.yaml
 drive 'closed loop' closed --robot ./measured.yaml --closed-loop

@@ -16,8 +16,8 @@ Repeat a real-time trial only if the machine itself stood still during it.
 
 A plug-in of pytest, for the tests marked ``ros`` or ``real_time``.  A test that fails is a fact:
 it is repeated only if observers outside the tests saw the machine stand still meanwhile.  Each
-repeated trial is printed, and more than one in twenty of them fail the run: a suite that makes its
-own gaps fails.
+repeated trial is printed, and the run fails if that was for more stalls than one in twenty trials,
+and more than one a minute: a suite that makes its own gaps fails.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from typing import Any
 
 from _pytest.runner import runtestprotocol
 import pytest
-from stall_observer import describe, MAX_REPEATED, StallObservers, too_many
+from stall_observer import longest, MAX_REPEATED, StallObservers, too_many
 
 #: How often a trial is made at most, however often the machine stands still.
 MAX_TRIALS = 3
@@ -54,6 +54,9 @@ class RealTimeTrials:
         self._trials: set[str] = set()
         #: why each trial was repeated
         self._repeated: dict[str, list[str]] = {}
+        #: when the stalls for it began [s, steady clock]; one meets the trials of all workers
+        self._stalls: set[float] = set()
+        self._began = time.monotonic()
 
     def pytest_sessionstart(self) -> None:
         """Start the observers."""
@@ -66,7 +69,7 @@ class RealTimeTrials:
         if not MARKS.intersection(mark.name for mark in item.iter_markers()):
             return None
         item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
-        reasons: list[str] = []
+        reasons: list[tuple[float, str]] = []
         while True:
             begin = time.monotonic()
             reports = runtestprotocol(item, nextitem=nextitem, log=False)
@@ -75,7 +78,8 @@ class RealTimeTrials:
             stalls = self._observers.between(begin, time.monotonic())
             if not stalls:
                 break
-            reasons.append(describe(stalls))
+            stall = longest(stalls)
+            reasons.append((stall.begin, str(stall)))
             # A fixture of the module, too, is made anew: it would fail as before.
             # Pytest 6, which Ubuntu 22.04 has, wants the item as well.
             item.session._setupstate.teardown_exact(*[item] * IS_PYTEST_6, None)
@@ -91,11 +95,12 @@ class RealTimeTrials:
             if name == REPEATED and report.when == 'setup' and not report.skipped:
                 self._trials.add(report.nodeid)
                 if reasons:
-                    self._repeated[report.nodeid] = reasons
+                    self._repeated[report.nodeid] = [text for _, text in reasons]
+                    self._stalls.update(begin for begin, _ in reasons)
 
     @property
     def _too_many(self) -> bool:
-        return too_many(len(self._repeated), len(self._trials))
+        return too_many(len(self._stalls), len(self._trials), time.monotonic() - self._began)
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
@@ -117,7 +122,7 @@ class RealTimeTrials:
         for name, reasons in self._repeated.items():
             write(f'REPEATED {name}: {"; ".join(reasons)}')
         write(f'real-time trials: {len(self._trials)}, repeated because the machine stood still: '
-              f'{len(self._repeated)}')
+              f'{len(self._repeated)}, in {len(self._stalls)} stalls')
         if self._too_many:
-            write(f'more than {MAX_REPEATED:.0%} of the real-time trials were repeated: the run '
-                  'fails')
+            write(f'more stalls than {MAX_REPEATED:.0%} of the trials, and than one a minute: the '
+                  'run fails')

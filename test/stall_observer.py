@@ -39,6 +39,8 @@ STEAL_PERIOD = 0.1
 WRITE_TIME = 0.3
 #: The part of the trials that may be repeated, beside one.
 MAX_REPEATED = 0.05
+#: How often one more may be: a virtual machine on a busy host stands still twice in 5 minutes [s].
+REPEATED_PERIOD = 60.0
 
 
 @dataclass(frozen=True)
@@ -97,14 +99,23 @@ class StallObservers:
                 yield Stall(begin, end, int(file.name.removeprefix('core-')))
 
 
+def longest(stalls: Iterable[Stall]) -> Stall:
+    """Return the longest of some stalls."""
+    return max(stalls, key=lambda stall: stall.end - stall.begin)
+
+
 def describe(stalls: Iterable[Stall]) -> str:
     """Return the longest of some stalls in words."""
-    return str(max(stalls, key=lambda stall: stall.end - stall.begin))
+    return str(longest(stalls))
 
 
-def too_many(repeated: int, trials: int) -> bool:
-    """Return whether more trials were repeated than a run may repeat to be proof."""
-    return repeated > max(1.0, MAX_REPEATED * trials)
+def too_many(repeated: int, trials: int, duration: float = 0.0) -> bool:
+    """
+    Return whether more trials were repeated than a run may repeat to be proof.
+
+    :param duration: how long the run took, where trials take minutes each [s]
+    """
+    return repeated > max(1.0, MAX_REPEATED * trials, duration / REPEATED_PERIOD)
 
 
 def steal_time(core: int) -> float:

@@ -98,9 +98,7 @@ def test_quotes_are_compared_approximately_and_with_wildcards(quoted, printed, s
 
 
 #: The pages that take longest, by which process of ``make docs`` runs them, one after the other.
-GROUPS = (
-    ('floor', 'motions', 'simulation'), ('lesson', 'pipe'), ('report', 'kachaka', 'recording'),
-    ('calibration', 'fleet'), ('README', 'commands'))
+GROUPS = (('tape_measure', 'floor'), ('calibration', 'report'), ('README', 'fleet', 'kachaka'))
 
 
 def documents_to_run() -> list[object]:

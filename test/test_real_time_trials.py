@@ -25,7 +25,7 @@ from kachaka_simple_control.process.processes import is_stopped
 from program import ROOT
 import pytest
 from real_time_trials import FOLDER
-from stall_observer import MIN_STALL, StallObservers
+from stall_observer import MIN_STALL, StallObservers, too_many
 from waiting import poll, wait_until
 
 pytestmark = pytest.mark.real_time
@@ -33,11 +33,11 @@ pytestmark = pytest.mark.real_time
 TESTS = """
 import os, pathlib, pytest, time
 
-def see_stall():
+def see_stall(until=0.0):
     # As an observer would: from 0.2 s ago until now.
     now = time.monotonic()
     with pathlib.Path(os.environ['STALL_OBSERVERS'], 'core-99').open('a') as seen:
-        print(now - 0.2, now, file=seen)
+        print(now - 0.2, now + until, file=seen)
 
 trials = []
 """
@@ -121,7 +121,28 @@ def test_some_fail_once(number):
 """)
     assert result.returncode == 1, result.stdout
     assert '30 passed' in result.stdout
-    assert 'more than 5% of the real-time trials were repeated: the run fails' in result.stdout
+    assert 'more stalls than 5% of the trials, and than one a minute' in result.stdout
+
+
+def test_a_long_run_of_few_trials_may_repeat_one_a_minute():
+    assert not too_many(5, 16, 301.0)
+    assert too_many(5, 16, 299.0)
+
+
+def test_a_stall_that_met_several_trials_counts_once(run):
+    result = run("""
+failed = set()
+@pytest.mark.ros
+@pytest.mark.parametrize('number', range(3))
+def test_some_fail_once(number):
+    if number not in failed:
+        if not failed:
+            see_stall(until=3.0)
+        failed.add(number)
+        assert False
+""")
+    assert result.returncode == 0, result.stdout
+    assert 'repeated because the machine stood still: 3, in 1 stalls' in result.stdout
 
 
 @pytest.mark.needs('xdist')
