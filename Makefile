@@ -68,7 +68,7 @@ check: setup  ## set up, then check style, types, who imports whom, workflows, a
 	$(VENV)/bin/zizmor --offline --strict-collection .github
 	@tools/check_humble_linters.sh $(python) .venv-humble-linters
 
-floor: setup  ## drive a square on one simulated floor: as it is, calibrated, in a closed loop, past a person; 2 minutes
+floor: setup  ## drive a square on one simulated floor: as it is, calibrated, in a closed loop, past a person; 4 minutes
 	rm -rf floor
 	PATH="$(abspath $(VENV))/bin:$$PATH" examples/floor.sh floor
 

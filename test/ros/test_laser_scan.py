@@ -39,7 +39,7 @@ name: watched
 watch: true
 rate: 20 Hz
 steps:
-  - forward: 3 m
+  - forward: 1.5 m
 """
 
 
