@@ -92,7 +92,7 @@ colcon:  ## build, run and test the package as a ROS workspace does; 2 minutes
 	tools/check_colcon.sh $(VENV)-colcon
 
 # Sphinx uses a core for minutes and the documents mostly wait, so they run side by side.
-docs:  ## build docs/ as a site in docs/_build, and do what it tells a reader to do; 4 minutes
+docs:  ## build docs/ as a site in docs/_build, and do what it tells a reader to do; 5 minutes
 	$(SET_UP) --for=colcon $(VENV)-colcon
 	@PYTHONPATH=.$${PYTHONPATH:+:$$PYTHONPATH} nice -n 19 $(VENV)-colcon/bin/python -m sphinx \
 	    -n -W --keep-going -q -b $(DOCS) -d docs/_build/doctrees docs docs/_build/$(DOCS) & site=$$!; trap "kill $$site" INT TERM; \
