@@ -61,5 +61,5 @@ def agree(quoted: str, printed: str) -> bool:
 
 def tolerance(figure: str, after: str) -> float:
     """Return how far a printed figure may be from a quoted one, in the unit after it."""
-    unit = re.match(r' (?:m|rad|deg)(?=\b|rees)', after)
+    unit = re.match(r' (?:m|rad|deg)(?=rees|[^\w/]|$)', after)
     return max(30.0 * 10.0 ** -len(figure.partition('.')[2]), LATE[unit[0]] if unit else 0.0)

@@ -16,8 +16,8 @@ Repeat a real-time trial only if the machine itself stood still during it.
 
 A plug-in of pytest, for the tests marked ``ros`` or ``real_time``.  A test that fails is a fact:
 it is repeated only if observers outside the tests saw the machine stand still meanwhile.  Each
-repeated trial is printed, and the run fails if that was for more stalls than one in twenty trials,
-and more than one a minute: a suite that makes its own gaps fails.
+repeated trial is printed.  The run fails if the stalls that made it repeat some are more than one
+in twenty trials and more than one a minute: a suite that makes its own gaps fails.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class RealTimeTrials:
         for name, reasons in self._repeated.items():
             write(f'REPEATED {name}: {"; ".join(reasons)}')
         write(f'real-time trials: {len(self._trials)}, repeated because the machine stood still: '
-              f'{len(self._repeated)}, in {len(self._stalls)} stalls')
+              f'{len(self._repeated)} (stalls: {len(self._stalls)})')
         if self._too_many:
             write(f'more stalls than {MAX_REPEATED:.0%} of the trials, and than one a minute: the '
                   'run fails')

@@ -39,7 +39,8 @@ STEAL_PERIOD = 0.1
 WRITE_TIME = 0.3
 #: The part of the trials that may be repeated, beside one.
 MAX_REPEATED = 0.05
-#: How often one more may be: a virtual machine on a busy host stands still twice in 5 minutes [s].
+#: One repetition in so long a time is never too many: a virtual machine on a busy host was seen to
+#: stand still twice in 5 minutes [s].
 REPEATED_PERIOD = 60.0
 
 
@@ -113,7 +114,7 @@ def too_many(repeated: int, trials: int, duration: float = 0.0) -> bool:
     """
     Return whether more trials were repeated than a run may repeat to be proof.
 
-    :param duration: how long the run took, where trials take minutes each [s]
+    :param duration: how long the run took [s]; trials that take minutes each are few
     """
     return repeated > max(1.0, MAX_REPEATED * trials, duration / REPEATED_PERIOD)
 

@@ -37,7 +37,7 @@ import pytest
 
 ALL = [block for path in DOCUMENTS for block in blocks(path)]
 
-# Each test is in one of as many groups as there are processes, or a page waits behind another one.
+# There are as many groups as `make docs` has processes: in more, a long page could begin last.
 pytestmark = pytest.mark.xdist_group('others')
 needs_source = pytest.mark.skipif(
     not (ROOT / '.ci').is_dir(), reason='the whole source is not here')
@@ -88,6 +88,7 @@ def test_every_make_target_is_run_by_ci_too(block):
     (['1.0000 rad, 0.00 degrees after 0.00 s'], ['1.0200 rad, 1.40 degrees after 0.25 s'], True),
     (['1.0000 rad'], ['1.0300 rad'], False),
     (['0.00 degrees'], ['1.60 degrees'], False),
+    (['0.1000 m/s'], ['0.1100 m/s'], False),
     (['after 0.00 s'], ['after 0.40 s'], False),
     (['Time=1.0 s'], ['Time=1.1 s'], False),
     (['[INFO] [a]: one'], ['[INFO] [12.5] [a]: one', '[INFO] [12.6] [b]: two', 'three'], True),
